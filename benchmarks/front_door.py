@@ -58,9 +58,9 @@ def spec_of(kind, scheme, cells, steps):
 def clocked(path):
     """`spi run` of a spec in this process, with a clock around the kernel; a line of JSON about it."""
     from spi import cli
-    from spi.plugins.spins.models.whole import Whole
+    from spi.plugins.spins.models.whole import WholeLattice
 
-    spent, move = [0.0, 0.0], Whole.move
+    spent, move = [0.0, 0.0], WholeLattice.move
 
     def timed(*arguments, **keys):
         began = time.perf_counter(), time.process_time()
@@ -70,7 +70,7 @@ def clocked(path):
             spent[0] += time.perf_counter() - began[0]
             spent[1] += time.process_time() - began[1]
 
-    Whole.move, sys.argv = timed, ["spi", "run", path]
+    WholeLattice.move, sys.argv = timed, ["spi", "run", path]
     with contextlib.redirect_stdout(sys.stderr):
         try:
             cli.main()

@@ -63,19 +63,19 @@ _SHOWING = {"api", "api.py", "cli", "command.py", "drawing", "figure.py", "film.
 
 
 def sources(*rooms):
-    """The Python files of some rooms as paths within the package, sorted; ``*`` is any folder."""
+    """Python files of some rooms as paths within the package, sorted; ``*`` is any folder."""
     package = Path(__file__).parent
     return sorted(file.relative_to(package) for room in rooms for of in package.glob(room) for file in of.rglob("*.py"))
 
 
 def kernel_sources():
-    """The files whose code is compiled, in rooms of these names of the core and of plug-ins."""
+    """Files whose code is compiled, in rooms of these names of the core and of plug-ins."""
     rooms = [place for room in _COMPILED for place in (room, f"plugins/*/{room}")]
     return [file for file in sources(*rooms) if file.as_posix() not in _LISTS]
 
 
 def number_sources():
-    """The files that decide the numbers of sums and results: the plans of kinds and all that these import."""
+    """Files that decide the numbers of sums and results: the plans of kinds and all that these import."""
     return [*sources(*_COMPILED), *(file for file in sources(*_COMPUTING) if _SHOWING.isdisjoint(file.parts))]
 
 
@@ -89,7 +89,7 @@ def digest_of(files):
 
 
 def _parent_of_caches():
-    """The folder that the environment asks for; RuntimeError if there is neither such a wish nor a home folder."""
+    """Folder that the environment asks for; RuntimeError if there is neither such a wish nor a home folder."""
     if wish := os.environ.get("SPI_CACHE_DIR"):
         return wish
     return Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache", "spi")
@@ -110,7 +110,7 @@ _LOCK, _NEW = ".spi-lock", 60.0  # the file, and the seconds after which its pro
 
 @contextlib.contextmanager
 def scratch_folder():
-    """The path of a temporary folder that is gone when the block ends; those that killed processes left go first.
+    """Path of a temporary folder that is gone when the block ends; those that killed processes left go first.
 
     A process holds a lock on a file in its folder as long as it lives, which tells one kind from the other.
     """

@@ -14,7 +14,7 @@ from filled_results import filled
 
 from spi import cli, storage
 from spi.kinds import KINDS
-from spi.storage import Results
+from spi.storage import StoredResults
 from spi.storage.results import checksum_of
 
 #: How many times as many random cases the tests of damage, mutations and kills try, for a search of an hour.
@@ -24,7 +24,7 @@ MANY = int(os.environ.get("SPI_TEST_MANY", "1"))
 def originals(folder):
     """The bytes of a results file of each kind."""
     for kind in KINDS:
-        storage.write(folder / f"{kind}.h5", Results({"kind": kind, "title": "A title"}, (filled(kind),)))
+        storage.write(folder / f"{kind}.h5", StoredResults({"kind": kind, "title": "A title"}, (filled(kind),)))
     return {kind: (folder / f"{kind}.h5").read_bytes() for kind in KINDS}
 
 

@@ -6,7 +6,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.plans import Done, PartCost, State
 from spi.kinds.weak.plans import WeakPlan
 from spi.kinds.weak.results import Unsampled, WeakErrors
 from spi.specs.checks import need
@@ -37,9 +37,9 @@ class GuessPlan(WeakPlan):
         """There must be a guess."""
         need(case, "guess", "accuracy")
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Nothing."""
-        return Cost(0, 0.0, 0)
+        return PartCost(0, 0.0, 0)
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All at once, as if it were one path."""

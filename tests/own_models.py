@@ -22,7 +22,7 @@ from spi.ensemble.protocol import NonNegative
 
 def check_other_processes(experiment, file, edited):
     """They have the text of a file that is gone, as on another machine, and refuse a text with another meaning."""
-    source = load.Source.of(experiment)
+    source = load.SpecSource.of(experiment)
     file.unlink()
     load.plans_of.cache_clear()
     (plan,) = load.plans_of(source)

@@ -5,7 +5,7 @@ from made_up import group_of
 
 from spi.kinds.blocks import Solver
 from spi.plugins.comparisons.kinds.stability.results import CasimirErrors, Stability
-from spi.storage import Results
+from spi.storage import StoredResults
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting"}
 H = 2.0 ** -np.arange(0, 8)
@@ -47,4 +47,4 @@ def predators(scheme):
 
 
 def stability(*groups):
-    return Results({"kind": "stability", "title": "Stability under strong noise"}, groups)
+    return StoredResults({"kind": "stability", "title": "Stability under strong noise"}, groups)

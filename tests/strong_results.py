@@ -5,7 +5,7 @@ from made_up import group_of
 
 from spi.kinds.blocks import Solver
 from spi.kinds.strong.results import StrongErrors
-from spi.storage import Order, Results
+from spi.storage import Order, StoredResults
 
 H = 2.0 ** -np.arange(5, 14)
 
@@ -52,4 +52,4 @@ def unresolved(group):
 
 
 def strong(*groups, **attributes):
-    return Results({"kind": "strong", "title": "Strong errors", **attributes}, groups)
+    return StoredResults({"kind": "strong", "title": "Strong errors", **attributes}, groups)

@@ -5,7 +5,7 @@ from made_up import group_of
 
 from spi.kinds.trajectory.results import Trajectory
 from spi.schemes import SCHEMES
-from spi.storage import Results
+from spi.storage import StoredResults
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting, noise first (slpI)"}
 THREE = tuple(LABELS)
@@ -49,4 +49,4 @@ def trajectory_group(
 
 
 def trajectories(*groups, **attributes):
-    return Results({"kind": "trajectory", "title": "Paths", **attributes}, groups)
+    return StoredResults({"kind": "trajectory", "title": "Paths", **attributes}, groups)

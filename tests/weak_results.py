@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 from made_up import group_of
 
-from spi.kinds.weak.results import Differences, History, Levels, Prefixes, Sampled, Unsampled, WeakErrors
-from spi.storage import Order, Results
+from spi.kinds.weak.results import Differences, History, LevelEstimates, Prefixes, SampledFields, Unsampled, WeakErrors
+from spi.storage import Order, StoredResults
 
 H = 2.0 ** -np.arange(3, 9)
 LEVELS = 2.0 ** -np.arange(9, 2, -1)
@@ -66,7 +66,7 @@ def weak_group(scheme, estimator, case="main", stderr=1e-4, functions=2, prefixe
 
 
 def _sampled(error, stderr):
-    return Sampled(
+    return SampledFields(
         error_stderr=np.full(error.shape, stderr),
         expectation_stderr=np.full(error.shape, 5e-4),
         reference=LIMIT[: len(error)],
@@ -88,7 +88,7 @@ def _unsampled(error, stderr):
 
 def _levels(functions, order):
     shape = (functions, len(LEVELS))
-    return Levels(
+    return LevelEstimates(
         h=LEVELS,
         mean=np.outer(CONSTANT[:functions], LEVELS) / 2,
         variance=np.full(shape, 0.04) * LEVELS,
@@ -137,4 +137,4 @@ def at_eps(scheme, eps, functions=1, factor=1.0, **attributes):
 
 
 def weak(*groups, **attributes):
-    return Results({"kind": "weak", "title": "Weak errors", **attributes}, groups)
+    return StoredResults({"kind": "weak", "title": "Weak errors", **attributes}, groups)

@@ -29,19 +29,24 @@ def left_out(names):
     return gone
 
 
+def copied(parts, gone, folder):
+    """Copy folders of the project into another one, without some plug-ins and their tests."""
+    for part in parts:
+        shutil.copytree(ROOT / part, folder / part, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in gone:
+        shutil.rmtree(folder / "spi" / "plugins" / name)
+        shutil.rmtree(folder / "tests" / "plugins" / name, ignore_errors=True)
+
+
 def main(arguments):
     """The exit code of pytest in the copy."""
     names, _, options = " ".join(arguments).partition("--")
     with tempfile.TemporaryDirectory() as folder:
         copy = Path(folder, "spi")
-        for name in COPIED:
-            shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+        copied(COPIED, left_out(names.split()), copy)
         for file in ROOT.iterdir():
             if file.is_file():
                 shutil.copy(file, copy)
-        for name in left_out(names.split()):
-            shutil.rmtree(copy / "spi" / "plugins" / name)
-            shutil.rmtree(copy / "tests" / "plugins" / name, ignore_errors=True)
         environment = os.environ | {"PYTHONPATH": str(copy)}
         program = [sys.executable, "-m", "pytest", "-n", "2", "--dist", "worksteal", *options.split()]
         return subprocess.run(program, cwd=copy, env=environment).returncode

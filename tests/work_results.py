@@ -4,7 +4,7 @@ import numpy as np
 from made_up import group_of
 
 from spi.plugins.comparisons.kinds.work_precision.results import WorkPrecision
-from spi.storage import Order, Results
+from spi.storage import Order, StoredResults
 
 H = 2.0 ** -np.arange(3, 12)
 
@@ -61,4 +61,6 @@ def work_results(cases=("one", "two", "weak"), schemes=tuple(MADE_UP), **how):
     """Results with these cases; the one called ``weak`` holds weak errors."""
     measures = {case: "weak" if case == "weak" else "strong" for case in cases}
     groups = [work_group(case, scheme, measures[case], **how) for case in cases for scheme in schemes]
-    return Results({"kind": "work_precision", "title": "Work and precision, stochastic rigid body"}, tuple(groups))
+    return StoredResults(
+        {"kind": "work_precision", "title": "Work and precision, stochastic rigid body"}, tuple(groups)
+    )

@@ -31,7 +31,7 @@ from spi.drawing import as_bytes
 from spi.running import run as running
 from spi.running import shipped
 from spi.specs.naming import results_name
-from spi.storage.records import Results
+from spi.storage.records import StoredResults
 
 DOCS = Path(__file__).parents[1]
 #: Pixels of a picture: the least width and the width that is wanted, and pixels per inch at which letters can be read.
@@ -79,7 +79,7 @@ class Part(NamedTuple):
     cases: tuple[str, ...] = ()  #: all if empty
     style: str = "screen"
 
-    def of(self, results: Results) -> Results:
+    def of(self, results: StoredResults) -> StoredResults:
         """The results with these cases and panels alone."""
         groups = [group for group in results.groups if group.case in (self.cases or (group.case,))]
         own = {"panels": self.panels} if self.panels else {}
@@ -107,7 +107,7 @@ PROFILE = "Profile"
 _VISIBLE, _CHANGED = 16, 2e-4
 
 
-def picture(results: Results, style: str = "screen") -> bytes:
+def picture(results: StoredResults, style: str = "screen") -> bytes:
     """The figure as a PNG, with the profile of the results."""
     figure = views.figure(results, style)
     width = figure.get_figwidth()

@@ -157,7 +157,7 @@ def models() -> str:
             text += f"Number of components: {cls.dimension}, pieces of H: {cls.pieces}, noises: {cls.noises}, "
             text += f"Casimir functions: {cls.conserved}.\n\n"
         text += table(("parameter", "value", "default", "what it is"), _parameters(cls, definitions))
-    noise = definitions["Noise"]
+    noise = definitions["ModeNoise"]
     described = in_symbols(plain(noise["description"]))
     return f"{text}\n### noise of zeitlin\n\n{described}\n\n{key_table(key_rows(noise, noise, definitions))}"
 

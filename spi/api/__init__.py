@@ -16,5 +16,5 @@ if CACHE_PROBLEM:
 
 
 def experiments() -> list[str]:
-    """The names of the experiments that come with spi, which :func:`run` takes."""
+    """Names of the experiments that come with spi, which :func:`run` takes."""
     return shipped.names()

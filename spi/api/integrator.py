@@ -1,4 +1,4 @@
-"""The integrator as a library: steps of many paths, from states and with noise that a program of one's own has."""
+"""Integrator as a library: steps of many paths, from states and with noise that a program of one's own has."""
 
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ..ensemble.increments import Given, brownian, draw_noise, draw_paths, empty_noise
+from ..ensemble.increments import NoiseArrays, brownian, draw_noise, draw_paths, empty_noise
 from ..ensemble.loop import add_reports, empty_report, for_kernels, integrate, limited_threads, move
 from ..ensemble.observer import last_states_only
 from ..ensemble.protocol import area_pairs, dimension, noises
@@ -19,17 +19,17 @@ from ..specs.noise import driver_of, stream_of
 from .paths import plan_of
 from .specs import real, whole
 
-Array = npt.NDArray[np.float64]
+FloatArray = npt.NDArray[np.float64]
 
 _NO_AREAS, _NO_COINS = np.zeros((0, 0, 0)), np.zeros((0, 0))  # for schemes that need none
 
 
-class Noise(NamedTuple):
-    """The noise of some steps of some paths, see :meth:`Integrator.noise`."""
+class StepNoise(NamedTuple):
+    """Noise of some steps of some paths, see :meth:`Integrator.noise`."""
 
-    dW: Array  #: (n * steps, paths, noises): increments over sub-steps, n = ``Integrator.substeps`` of them a step
-    areas: Array  #: (steps, paths, pairs): Lévy areas over steps, of ``Integrator.pairs``; empty where not needed
-    coins: Array  #: (steps, paths): 1.0 or -1.0; empty where not needed
+    dW: FloatArray  #: (n * steps, paths, noises): increments over sub-steps, n = ``Integrator.substeps`` of them a step
+    areas: FloatArray  #: (steps, paths, pairs): Lévy areas over steps, of ``Integrator.pairs``; empty where not needed
+    coins: FloatArray  #: (steps, paths): 1.0 or -1.0; empty where not needed
 
 
 def increments(
@@ -43,8 +43,8 @@ def increments(
     first_step: int = 0,
     noise: Any = None,
     final_time: float | None = None,
-) -> Array:
-    """The increments dW (steps, paths, noises) of the Brownian paths of a seed over steps of size `step`.
+) -> FloatArray:
+    """Increments dW (steps, paths, noises) of the Brownian paths of a seed over steps of size `step`.
 
     They are, to the last bit, those of a run with this seed and this step (in a study of errors this reference step;
     the increment of a step twice as large is the sum of two), so that another program can follow the same paths.
@@ -107,24 +107,24 @@ class Integrator:
         self._report = empty_report(1, 1)
         self._observer = last_states_only(self._grid)
 
-    def start(self, paths: int, *, seed: int = 1) -> Array:
-        """The initial state of so many paths, (paths, dimension); at random those of a run with this seed."""
+    def start(self, paths: int, *, seed: int = 1) -> FloatArray:
+        """Initial state of so many paths, (paths, dimension); at random those of a run with this seed."""
         count = whole("paths", paths, 1)
         y = first_states(self._initial, brownian(whole("seed", seed, 0)), 0, -(-count // LANES))
         return np.array(np.broadcast_to(y, (len(y), max(count, y.shape[1]))).T[:count], order="C")
 
     def step(
-        self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: Array | None = None, time: float = 0.0
-    ) -> Array:
-        """The states after one step, see :meth:`steps`: dW is (paths, noises), or (substeps, paths, noises)."""
+        self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: FloatArray | None = None, time: float = 0.0
+    ) -> FloatArray:
+        """States after one step, see :meth:`steps`: dW is (paths, noises), or (substeps, paths, noises)."""
         dW = np.asarray(dW)
         areas, coins = (None if each is None else np.asarray(each)[np.newaxis] for each in (areas, coins))
         return self.steps(y, dW[np.newaxis] if dW.ndim == 2 else dW, areas, coins, out, time)
 
     def steps(
-        self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: Array | None = None, time: float = 0.0
-    ) -> Array:
-        """The states after len(dW) / substeps steps along given noise; in `out`, which may be `y`, if it is given.
+        self, y: Any, dW: Any, areas: Any = None, coins: Any = None, out: FloatArray | None = None, time: float = 0.0
+    ) -> FloatArray:
+        """States after len(dW) / substeps steps along given noise; in `out`, which may be `y`, if it is given.
 
         `areas` (steps, paths, pairs) and `coins` (steps, paths) are what the scheme needs besides; ``noise`` has both.
         `time` is that of the first step, for a model that depends on time.
@@ -140,12 +140,19 @@ class Integrator:
             raise SpecError(f"{missing[0]}: missing; this scheme needs them, and Integrator.noise has some")
         areas = _array("areas", areas, n, len(self.pairs), first=steps) if self.pairs else _NO_AREAS
         coins = _array("coins", coins, n, first=steps) if "coins" in self.needs else _NO_COINS
-        return self._moved(y, Given(dW, areas, coins, 0), steps, 0, 0, out, real("time", time))
+        return self._moved(y, NoiseArrays(dW, areas, coins, 0), steps, 0, 0, out, real("time", time))
 
     def sample(
-        self, y: Any, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0, out: Array | None = None
-    ) -> Array:
-        """The states after so many steps along the paths of a seed: from `first_path` on, those of a run.
+        self,
+        y: Any,
+        steps: int,
+        *,
+        seed: int = 1,
+        first_path: int = 0,
+        first_step: int = 0,
+        out: FloatArray | None = None,
+    ) -> FloatArray:
+        """States after so many steps along the paths of a seed: from `first_path` on, those of a run.
 
         `first_path` is a multiple of 64, and `first_step`, the number of steps that the paths have made before, one
         of 128; numbers are drawn in such portions.
@@ -157,8 +164,8 @@ class Integrator:
         y = _array("y", y, self.dimension)
         return self._moved(y, self._stream(seed), steps, first_step, first_path, out)
 
-    def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> Noise:
-        """The noise of :meth:`sample`, (dW, areas, coins): ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
+    def noise(self, paths: int, steps: int, *, seed: int = 1, first_path: int = 0, first_step: int = 0) -> StepNoise:
+        """Noise of :meth:`sample`, (dW, areas, coins): ``steps(y, *noise(len(y), 10))`` is ``sample(y, 10)``."""
         shape = whole("steps", steps, 1), whole("paths", paths, 1)
         given = empty_noise(self._scheme, self._model, *shape)
         first = whole("first_step", first_step, 0), whole("first_path", first_path, 0)
@@ -166,25 +173,25 @@ class Integrator:
         if self._case.noise:
             portion = first[0], shape[0], first[1], shape[1]
             dW = stream.increments(self.step_size, *portion, self.noises, self.substeps)
-            return Noise(dW, given.areas, stream.coins(*portion) if len(given.coins) else given.coins)
+            return StepNoise(dW, given.areas, stream.coins(*portion) if len(given.coins) else given.coins)
         draw_noise(self._scheme, self._model, stream, self.step_size, self._grid.area_terms, *first, given)
-        return Noise(*given[:3])
+        return StepNoise(*given[:3])
 
     def _stream(self, seed: int) -> Any:
-        """The noise of a run with this seed."""
+        """Noise of a run with this seed."""
         return stream_of(self._case.model_copy(update={"seed": whole("seed", seed, 0)}))
 
     def _moved(
         self,
-        y: Array,
+        y: FloatArray,
         noise: Any,
         steps: int,
         first_step: int,
         first_path: int,
         out: Any,
         time: float = 0.0,
-    ) -> Array:
-        """The states after steps along some noise."""
+    ) -> FloatArray:
+        """States after steps along some noise."""
         if out is None:
             out = np.empty_like(y)
         elif not (isinstance(out, np.ndarray) and out.shape == y.shape and out.dtype == float and out.flags.writeable):
@@ -214,12 +221,12 @@ class Integrator:
 
     @property
     def report(self) -> dict[str, float]:
-        """The report of the scheme on its equations in the last call, and the largest angle above pi/4."""
+        """Report of the scheme on its equations in the last call, and the largest angle above pi/4."""
         total = add_reports(np.zeros((1, len(REPORT))), self._report)[0]
         return {name: float(value) for name, value in report_columns(total).items()}
 
 
-def _array(name: str, value: Any, *shape: int, first: int | None = None) -> Array:
+def _array(name: str, value: Any, *shape: int, first: int | None = None) -> FloatArray:
     """An argument as an array (first, *shape) of floats in C order, where no `first` means any; SpecError otherwise."""
     try:
         array = np.ascontiguousarray(value)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..ensemble.loop import Grid, integrated, paths_of
+from ..ensemble.loop import TimeGrid, integrated, paths_of
 from ..ensemble.observer import invariants_of, state_recorder
 from ..ensemble.protocol import named_numbers
 from ..ensemble.random_states import block_states
@@ -29,7 +29,7 @@ from ..specs import SpecError
 from ..statistics.accumulators import Array, Sums, counted, moments
 from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from ..storage.records import Part
-from .progress import Line
+from .progress import ProgressDisplay
 from .results import component_names, dataset_of, netcdf_attributes
 from .specs import of_mapping, whole
 
@@ -47,7 +47,7 @@ _OF_SPECS = {
 
 _OF_EXPERIMENTS = ("case_title", "panels")  # attributes that say nothing of a path
 
-Observer = Callable[[np.ndarray, np.ndarray], Any]
+ObserverFunction = Callable[[np.ndarray, np.ndarray], Any]
 
 
 def trajectory(
@@ -61,7 +61,7 @@ def trajectory(
     path: int = 0,
     samples: int | None = None,
     every: int = 1,
-    observe: Observer | None = None,
+    observe: ObserverFunction | None = None,
     progress: bool | None = None,
     **options: Any,
 ) -> xr.Dataset:
@@ -88,7 +88,7 @@ def trajectory(
         raise SpecError("samples: missing; add samples, how many paths are observed")
     keys = {"initial": initial, "final_time": final_time, "step": step, "seed": seed, "path": path, "every": every}
     plan = plan_of(model, scheme, keys | options)
-    with Line("trajectory", progress) as line:
+    with ProgressDisplay("trajectory", progress) as line:
         if count is None:
             return _one_path(plan, line)
         if observe is None:
@@ -97,7 +97,7 @@ def trajectory(
 
 
 def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
-    """The plan of a path; SpecError if anything is wrong with the keys of the spec that it would have."""
+    """Plan of a path; SpecError if anything is wrong with the keys of the spec that it would have."""
     if needless := [f"{key}: {reason}" for key, reason in _OF_SPECS.items() if key in keys]:
         raise SpecError(*needless)
     fixed = {"kind": "trajectory", "model": model, "schemes": [scheme], "panels": ["components"]}
@@ -108,15 +108,15 @@ def plan_of(model: Any, scheme: str, keys: dict[str, Any]) -> TrajectoryPlan:
     return study.plan(case, Part(name, eps=eps))
 
 
-def computed(plan: Any, line: Line, show: Callable[[State], None]) -> State:
-    """The final state of a plan; until then `show` is called with the state now and then."""
+def computed(plan: Any, line: ProgressDisplay, show: Callable[[State], None]) -> State:
+    """Final state of a plan; until then `show` is called with the state now and then."""
     state = State(plan)
     compile_missing(kernel_calls([plan]), line.watch.report_compiling)
     workers.advance_here([state], lambda number: show(state))
     return state
 
 
-def _one_path(plan: Any, line: Line) -> xr.Dataset:
+def _one_path(plan: Any, line: ProgressDisplay) -> xr.Dataset:
     """One path with its invariants."""
     state = computed(plan, line, lambda state: line.share("path", plan.progress(state).done, 1))
     dataset = dataset_of(plan.results(state).group())
@@ -125,12 +125,12 @@ def _one_path(plan: Any, line: Line) -> xr.Dataset:
 
 
 def times_of(plan: TrajectoryPlan) -> np.ndarray:
-    """The times of the stored states."""
+    """Times of the stored states."""
     return np.arange(plan.case.recorded + 1) * plan.case.spacing * plan.case.step
 
 
-def _batches(plan: Any, samples: int, line: Line, at_once: bool) -> Iterator[np.ndarray]:
-    """The states (paths, times, d) of the first so many paths, block after block; all or one batch stored `at_once`.
+def _batches(plan: Any, samples: int, line: ProgressDisplay, at_once: bool) -> Iterator[np.ndarray]:
+    """States (paths, times, d) of the first so many paths, block after block; all or one batch stored `at_once`.
 
     Warns where they take much memory; SpecError if this machine has less.
     """
@@ -156,8 +156,8 @@ def _batches(plan: Any, samples: int, line: Line, at_once: bool) -> Iterator[np.
         yield lanes.reshape(-1, times, d)[: samples - first * LANES]
 
 
-def _all_states(plan: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
-    """The states of all paths with their invariants."""
+def _all_states(plan: TrajectoryPlan, samples: int, line: ProgressDisplay) -> xr.Dataset:
+    """States of all paths with their invariants."""
     y, times = np.concatenate(list(_batches(plan, samples, line, at_once=True))), times_of(plan)
     energy, conserved = invariants_of(plan.model, y.reshape(-1, y.shape[2]), np.tile(times, len(y)))
     return xr.Dataset(
@@ -176,8 +176,8 @@ def _all_states(plan: TrajectoryPlan, samples: int, line: Line) -> xr.Dataset:
     )
 
 
-def _observed(plan: TrajectoryPlan, samples: int, observe: Observer, line: Line) -> xr.Dataset:
-    """The values that an observer makes of all paths."""
+def _observed(plan: TrajectoryPlan, samples: int, observe: ObserverFunction, line: ProgressDisplay) -> xr.Dataset:
+    """Values that an observer makes of all paths."""
     parts: dict[str, list[np.ndarray]] = {}
     times = times_of(plan)
     for y in _batches(plan, samples, line, at_once=False):
@@ -201,12 +201,12 @@ def _observed(plan: TrajectoryPlan, samples: int, observe: Observer, line: Line)
 
 
 def _attributes(plan: TrajectoryPlan) -> dict[str, Any]:
-    """The attributes of many paths."""
+    """Attributes of many paths."""
     return _of_paths({"step": plan.case.step, "every": plan.case.every, **plan.description().attributes()})
 
 
 def _of_paths(attributes: dict[str, Any]) -> dict[str, Any]:
-    """The attributes that say something of paths, as far as they have values."""
+    """Attributes that say something of paths, as far as they have values."""
     return netcdf_attributes({name: value for name, value in attributes.items() if name not in _OF_EXPERIMENTS})
 
 
@@ -254,19 +254,19 @@ def expectations(
     h, finest = [plan.case.step for plan in each], each[-1]
     of_case: Any = {"case": finest.case, "part": finest.part, "functions": _callables(functions, finest)}
     plan = MeansPlan(**of_case, h=tuple(h), count=count)
-    with Line("expectations", progress) as line:
+    with ProgressDisplay("expectations", progress) as line:
         state = computed(plan, line, lambda state: line.share("paths", state.tally().paths, count))
     about = {"samples": count, "scheme": scheme, "model": finest.case.model_name}
     return _dataset(state.total(), list(plan.functions), h, about)
 
 
 def functions_by_name(functions: Any) -> Mapping[str, Any]:
-    """The functions by their names, one alone as phi."""
+    """Functions by their names, one alone as phi."""
     return functions if isinstance(functions, Mapping) else {"phi": functions}
 
 
 def _callables(functions: Any, finest: TrajectoryPlan) -> dict[str, Phi]:
-    """The functions by their names, of expressions by NumPy; SpecError if one is none."""
+    """Functions by their names, of expressions by NumPy; SpecError if one is none."""
     d, phis = len(finest.initial), {}
     own = finest.case.variables, named_numbers(undamped(finest.case.model))
     for name, phi in functions_by_name(functions).items():
@@ -298,12 +298,12 @@ class MeansPlan(BlocksPlan):
 
     @property
     def samples(self) -> int:
-        """The number of paths."""
+        """Number of paths."""
         return self.count
 
     @cached_property
-    def grid(self) -> Grid:
-        """The times of the paths and their step sizes; SpecError for other than doublings of the smallest."""
+    def grid(self) -> TimeGrid:
+        """Times of the paths and their step sizes; SpecError for other than doublings of the smallest."""
         doublings = [round(math.log2(step / self.h[-1])) for step in self.h]
         for step, times in zip(self.h, doublings, strict=True):
             if abs(self.h[-1] * 2.0**times - step) > 1e-12 * step:
@@ -319,11 +319,10 @@ class MeansPlan(BlocksPlan):
         return np.where(np.isfinite(values), values, 0.0)
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         return {"level": len(self.steps), "function": len(self.functions)}
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """The values (blocks, L, F, LANES) at the end of some blocks, NaN of idle paths."""
+        """Values (blocks, L, F, LANES) at the end of some blocks, NaN of idle paths."""
         states, _ = self.integrated(first, blocks, end)
         y = paths_of(states, len(self.initial))[..., : end - first * LANES]
         values: Array = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
@@ -337,7 +336,7 @@ class MeansPlan(BlocksPlan):
 
 
 def values_of(name: str, phi: Phi, y: np.ndarray) -> np.ndarray:
-    """The values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
+    """Values (paths,) of a function of states (d, paths); ValueError if it returns anything else."""
     y = y.view()
     y.flags.writeable = False  # so that no function changes what the next one is given
     with np.errstate(all="ignore"):

@@ -1,4 +1,4 @@
-"""The progress of a run: in a notebook one display that is updated, in a terminal one line that is written over."""
+"""Progress of a run: in a notebook one display that is updated, in a terminal one line that is written over."""
 
 import math
 import sys
@@ -13,7 +13,7 @@ from ..running.run import NOBODY, Progress, Watch
 _WIDTH = 100  # of the line, cut there
 
 
-class Line:
+class ProgressDisplay:
     """One line, a display in a notebook and on standard error elsewhere; it vanishes at the end.
 
     Without `wanted` there is none but in a notebook; with False there is none at all.
@@ -25,7 +25,7 @@ class Line:
         self.length = 0
         self.display: Any = None  #: that of a notebook, once something was written
 
-    def __enter__(self) -> "Line":
+    def __enter__(self) -> "ProgressDisplay":
         return self
 
     def __exit__(self, kind: type | None, error: BaseException | None, trace: TracebackType | None) -> None:
@@ -33,7 +33,7 @@ class Line:
 
     @property
     def watch(self) -> Watch:
-        """The callbacks for a run."""
+        """Callbacks for a run."""
         return Watch(self._report, self._report_compiling, self._tell) if self.shown else NOBODY
 
     def share(self, unit: str, done: float, total: float, work: Work | None = None) -> None:

@@ -73,7 +73,7 @@ def _lines(
 
 
 def _ends(reading: Stored, arrays: xr.Dataset, quantity: str) -> list[xr.DataArray] | None:
-    """The distances from values to the lower and the upper ends of their intervals; None without."""
+    """Distances from values to the lower and the upper ends of their intervals; None without."""
     numbers = reading.estimate(quantity)
     if numbers is None or numbers.exact:
         return None
@@ -83,7 +83,7 @@ def _ends(reading: Stored, arrays: xr.Dataset, quantity: str) -> list[xr.DataArr
 
 
 def dataset_of(group: records.Group) -> xr.Dataset:
-    """The arrays of a group with their coordinates; components of states are called as in expressions."""
+    """Arrays of a group with their coordinates; components of states are called as in expressions."""
     about = Description.of(group)
     values = dict(group.coordinates)
     if "component" in values:
@@ -109,12 +109,12 @@ def netcdf_attributes(values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def component_names(named: tuple[str, ...], count: int) -> list[str]:
-    """The names of the components of a state in expressions: those in the system, `named`, or y1, y2, ..."""
+    """Names of the components of a state in expressions: those in the system, `named`, or y1, y2, ..."""
     return list(named) or [f"y{i + 1}" for i in range(count)]
 
 
 class Results:
-    """The results of an experiment, or of some of its parts.
+    """Results of an experiment, or of some of its parts.
 
     A part is what was computed at a time: a scheme in a case, at one eps and by one estimator where there are several.
     Its name has these in this order, as in "main/splitting" or "weak_noise/splitting/plain"; :attr:`parts` lists them.
@@ -124,32 +124,32 @@ class Results:
     both.  Where one part is left its arrays are attributes: ``results["splitting"].error``.
     """
 
-    def __init__(self, stored: records.Results, path: Path | None = None) -> None:
+    def __init__(self, stored: records.StoredResults, path: Path | None = None) -> None:
         self.stored = stored  #: what is in the file, as :mod:`spi.storage.records` describes it
         self.path = path  #: of the file; None if there is none
 
     @property
     def parts(self) -> tuple[str, ...]:
-        """The names of the parts."""
+        """Names of the parts."""
         return tuple(group.name for group in self.stored.groups)
 
     @property
     def attributes(self) -> dict[str, Any]:
-        """The attributes of the whole experiment: kind, title, profile, seed, versions, ..."""
+        """Attributes of the whole experiment: kind, title, profile, seed, versions, ..."""
         return self.stored.attributes
 
     @property
     def kind(self) -> str:
-        """The kind of the experiment, as in its spec."""
+        """Kind of the experiment, as in its spec."""
         return str(self.attributes["kind"])
 
     @property
     def spec(self) -> str:
-        """The text of the spec, YAML; overrides are among the :attr:`attributes`."""
+        """Text of the spec, YAML; overrides are among the :attr:`attributes`."""
         return str(self.attributes["spec"])
 
     def __getitem__(self, name: str) -> "Results":
-        """The parts whose names have all words of `name`, divided by slashes; KeyError if there are none.
+        """Parts whose names have all words of `name`, divided by slashes; KeyError if there are none.
 
         TypeError if `name` is not text.
         """
@@ -163,14 +163,15 @@ class Results:
         owners = {(Description.of(group).owner, group.attributes["scheme"]) for group in groups}
         stated = claims.of_text(self.attributes.get("expect"))
         expect = claims.as_text(claim for claim in stated if (claim.case, claim.scheme) in owners)
-        return Results(records.Results(self.attributes | {"expect": expect}, groups, self.stored.chunks), self.path)
+        stored = records.StoredResults(self.attributes | {"expect": expect}, groups, self.stored.chunks)
+        return Results(stored, self.path)
 
     def __contains__(self, name: object) -> bool:
         """Whether there are parts of that name, as in :meth:`__getitem__`."""
         return isinstance(name, str) and bool(self._named(name))
 
     def _named(self, name: str) -> tuple[records.Group, ...]:
-        """The parts whose names have all words of `name`."""
+        """Parts whose names have all words of `name`."""
         words = set(name.split("/"))
         return tuple(group for group in self.stored.groups if words <= set(group.name.split("/")))
 
@@ -198,11 +199,11 @@ class Results:
 
     @property
     def dataset(self) -> xr.Dataset:
-        """The arrays of the one part that this is narrowed to, with their coordinates; AttributeError if several."""
+        """Arrays of the one part that this is narrowed to, with their coordinates; AttributeError if several."""
         return self._only("dataset")
 
     def _only(self, wanted: str) -> xr.Dataset:
-        """The arrays of the only part."""
+        """Arrays of the only part."""
         if len(self) != 1:
             raise AttributeError(f"{wanted} is of one part; choose one by its name: {self._listed()}")
         return dataset_of(self.stored.groups[0])
@@ -211,13 +212,13 @@ class Results:
         return ", ".join(self.parts)
 
     def to_xarray(self) -> xr.DataTree:
-        """The arrays of all parts, a node for each, of the names and in the order of :attr:`parts`."""
+        """Arrays of all parts, a node for each, of the names and in the order of :attr:`parts`."""
         groups = {group.name: dataset_of(group) for group in self.stored.groups}
         return xr.DataTree.from_dict({"/": xr.Dataset(attrs=netcdf_attributes(self.attributes)), **groups})
 
     @property
     def orders(self) -> pd.DataFrame:
-        """The fitted orders of convergence, their 95 % intervals and those of theory; empty where none is fitted."""
+        """Fitted orders of convergence, their 95 % intervals and those of theory; empty where none is fitted."""
         rows = [
             {
                 **{"case": order.about.case, "scheme": order.about.variant, "estimator": order.about.estimator},
@@ -232,7 +233,7 @@ class Results:
 
     @property
     def claims(self) -> pd.DataFrame:
-        """The claims of the spec about these parts, the results and the verdicts; empty where nothing is expected."""
+        """Claims of the spec about these parts, the results and the verdicts; empty where nothing is expected."""
         rows = [
             {
                 **{"case": judged.claim.case, "subject": judged.subject, "claim": judged.claim.text},
@@ -248,7 +249,7 @@ class Results:
         return pd.DataFrame(views.rows(self.stored))
 
     def plot(self, ax: "Axes | None" = None, quantity: str | None = None, **look: Any) -> "Figure | Axes":
-        """The figure of these parts as ``spi plot`` draws it; in given axes the curve of each of them.
+        """Figure of these parts as ``spi plot`` draws it; in given axes the curve of each of them.
 
         `look` is that of the figure: `style`, `width`, `height`, `font` and `font_size`, as in :func:`views.figure`.
 
@@ -293,7 +294,7 @@ def load(
     results: str | Path = "results",
     **overrides: Any,
 ) -> Results:
-    """The results in a file that a run wrote, or those of an experiment by its name, in the folder `results`.
+    """Results in a file that a run wrote, or those of an experiment by its name, in the folder `results`.
 
     `profile` and overrides are those of the run, as ``spi.run`` takes them, and choose among the results of the
     name, ``<results>/<name>.h5``, ``<results>/<name>.quick.h5`` and so on.

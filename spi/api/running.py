@@ -11,7 +11,7 @@ from ..ensemble.loop import limited_threads, thread_count
 from ..running import run as runs
 from ..running.workers import workers_of
 from ..specs import SpecError
-from .progress import Line
+from .progress import ProgressDisplay
 from .results import Results, load
 from .specs import experiment_of, in_python, whole
 
@@ -63,7 +63,7 @@ def run(
         if threads is not None:
             stack.enter_context(limited_threads(whole("threads", threads, 1, thread_count())))
         pool = stack.enter_context(workers_of(asked))
-        line = stack.enter_context(Line(experiment.name, progress))
+        line = stack.enter_context(ProgressDisplay(experiment.name, progress))
         stack.enter_context(in_python())
         try:
             path = runs.run(experiment, folder, fresh, line.watch, workers=pool)

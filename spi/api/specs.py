@@ -32,7 +32,7 @@ def experiment_of(
     overrides: Mapping[str, Any],
     trust_code: bool = False,
 ) -> Experiment:
-    """The experiment in a file, of a name, or in a mapping with the keys of a file, called `name` if that is given.
+    """Experiment in a file, of a name, or in a mapping with the keys of a file, called `name` if that is given.
 
     SpecError if anything is wrong; of a mapping it names no lines.
     """
@@ -63,7 +63,7 @@ def of_mapping(
     place: str = "spec: ",
     arrays: Mapping[str, str] = MappingProxyType({}),
 ) -> Experiment:
-    """The experiment in a mapping; its files are seen from the current folder, and messages begin with `place`.
+    """Experiment in a mapping; its files are seen from the current folder, and messages begin with `place`.
 
     `arrays` are the texts of files that `overrides` name.
     """
@@ -78,7 +78,7 @@ def of_mapping(
 
 
 def model_keys(model: Any) -> Any:
-    """The keys under ``model:`` for a name, a mapping, a class or a record of one; SpecError if that is unknown."""
+    """Keys under ``model:`` for a name, a mapping, a class or a record of one; SpecError if that is unknown."""
     if isinstance(model, str):
         return {"name": model}
     cls = model if isinstance(model, type) else type(model)
@@ -92,7 +92,7 @@ def model_keys(model: Any) -> Any:
 
 
 def _file_of(cls: type) -> str:
-    """The Python file of a class of somebody's own."""
+    """Python file of a class of somebody's own."""
     try:
         file = inspect.getsourcefile(cls)
     except (OSError, TypeError):

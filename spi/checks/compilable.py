@@ -21,7 +21,7 @@ class CompilationError(Exception):
 
 
 def obstacle(record):
-    """The obstacle to compiling the class of a foreign model, one sentence; None if there is none.
+    """Obstacle to compiling the class of a foreign model, one sentence; None if there is none.
 
     The names that its methods use are checked first, then whether the compiler accepts each method, and whether that
     returns the right type.
@@ -37,7 +37,7 @@ def obstacle(record):
 
 
 def _wrong_type(record, name, declared):
-    """The error of the compiler about a method, or the wrong type of its result; None if all is well."""
+    """Error of the compiler about a method, or the wrong type of its result; None if all is well."""
     d = dimension(record)
     arguments = {"j": 0, "k": 0, **dict.fromkeys(("t", "begin", "h"), 1.0), "s": (1.0,) * most_joined(record)}
     arguments |= {"angles": ANY_ANGLES, **dict.fromkeys("yuvw", (1.0,) * d)}
@@ -100,7 +100,7 @@ def explained(error, classes):
 
 
 def _place(error, *sources):
-    """The line that an error of the compiler names last, in one of the files of some classes or functions."""
+    """Line that an error of the compiler names last, in one of the files of some classes or functions."""
     files = {Path(inspect.getfile(source)).name for source in sources}
     places = re.findall(r'File "([^"]+)", line (\d+)|(?:at|from) (\S+) \((\d+)\)', str(error))
     lines = [a or b for file, a, other, b in places if Path(file or other).name in files]
@@ -108,7 +108,7 @@ def _place(error, *sources):
 
 
 def _reason(error):
-    """The most particular line of a message of Numba, which begins with the most general one."""
+    """Most particular line of a message of Numba, which begins with the most general one."""
     text = re.sub(
         r"\x1b\[[0-9;]*m|(?<=\w)_[0-9a-f]{16}\b", "", str(error)
     )  # colours, and digits that spi.compiler.own adds

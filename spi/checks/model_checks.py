@@ -1,4 +1,4 @@
-"""The generic checks of a model, in plain Python at some states: of its methods, flows and commuting noises.
+"""Generic checks of a model, in plain Python at some states: of its methods, flows and commuting noises.
 
 Derivatives are central differences of eighth order, compared with the sizes of their terms, so that rotations,
 exponentials and shears, with rates large or small, are all judged alike.
@@ -42,7 +42,7 @@ def derivative(f, step=STEP):
 
 
 def along(y, v):
-    """The line s -> y + s v."""
+    """Line s -> y + s v."""
     return lambda s: tuple((np.array(y) + s * np.array(v)).tolist())
 
 
@@ -59,7 +59,7 @@ def size_of(y):
 
 
 def derivatives_along(f, y, v):
-    """The derivative of f at y along v by steps from large to small, each with the size of its rounding errors.
+    """Derivative of f at y along v by steps from large to small, each with the size of its rounding errors.
 
     Where f ends near y, as a logarithm does, bends there or oscillates fast, the smaller steps are right; else the
     largest.
@@ -77,7 +77,7 @@ def differ_from_derivative(value, f, y, v, *others):
 
 
 def matrix_of(columns):
-    """The matrix with these columns."""
+    """Matrix with these columns."""
     return np.array(columns, float).T
 
 
@@ -111,7 +111,7 @@ class NotedAngles(NamedTuple):
 
 
 class _Flow(NamedTuple):
-    """The flow of one piece or noise, with its number."""
+    """Flow of one piece or noise, with its number."""
 
     part: str
     k: int
@@ -120,7 +120,7 @@ class _Flow(NamedTuple):
     noted: np.ndarray  #: (1,) the largest |angle| since :meth:`noting` was called
 
     def noting(self, t, y):
-        """The largest |angle| whose sine the flow takes."""
+        """Largest |angle| whose sine the flow takes."""
         self.noted[0] = 0.0
         self.act(t, y)
         return float(self.noted[0])
@@ -340,7 +340,7 @@ def _moved(y, model, gradients, least):
 
 
 def _along(y, model, gradient, part):
-    """The state moved by the share `part` of its size along the field of a linear function, by Runge-Kutta steps."""
+    """State moved by the share `part` of its size along the field of a linear function, by Runge-Kutta steps."""
 
     gradient = tuple(gradient.tolist())
 
@@ -356,7 +356,7 @@ def _along(y, model, gradient, part):
 
 
 def check_model(record, states, written=True, finite_at=()):
-    """The complaints about a model at the first of some states with any: sentences that name the method and k.
+    """Complaints about a model at the first of some states with any: sentences that name the method and k.
 
     `written`: whether a person wrote its class, so that methods may fail to compile.  `finite_at`: states at which its
     functions must be finite, but need not be smooth.
@@ -369,7 +369,7 @@ def check_model(record, states, written=True, finite_at=()):
 
 
 def _complaints(model, y, all_checks=None):
-    """The complaints of the first check that has any at one state; later checks depend on earlier ones."""
+    """Complaints of the first check that has any at one state; later checks depend on earlier ones."""
     for checks in all_checks or (_shapes, _structure, _gradients, check_brackets, flows, commuting, joint_flows):
         try:
             complaints = list(checks(model, y))
@@ -524,7 +524,7 @@ def _digest_of_checks():
 
 
 def check_once(record, initial):
-    """The complaints of :func:`check_model` about a foreign model near an initial state.
+    """Complaints of :func:`check_model` about a foreign model near an initial state.
 
     None if these numbers have passed before with this class and this state, as a file beside the stored modules says.
     """
@@ -565,7 +565,7 @@ def _moving(record):
 
 
 def _passed(path):
-    """The digests of numbers and states that a file says have passed."""
+    """Digests of numbers and states that a file says have passed."""
     with contextlib.suppress(OSError, ValueError):
         return set(path.read_text(encoding="ascii").split())
     return set()

@@ -50,7 +50,7 @@ def _is_of_parameters(declared):
 
 
 def _members(cls):
-    """The members of the class body without an underscore, except the fields."""
+    """Members of the class body without an underscore, except the fields."""
     members = {}
     for base in reversed([base for base in cls.__mro__ if base not in (tuple, object)]):
         members |= vars(base)
@@ -58,7 +58,7 @@ def _members(cls):
 
 
 def _disagreement(name, value, declared):
-    """The complaint about a method or trait, a list of no or one text."""
+    """Complaint about a method or trait, a list of no or one text."""
     if declared.of is None:
         if not inspect.isfunction(value):
             return [f"has {name} = {value!r}, which must be a method"]

@@ -17,7 +17,7 @@ _FALLS = 0.7  # factor by which a remainder that is O(h) or O(h^(1/2)) falls bet
 
 
 def check_scheme(scheme, model, initial):
-    """The complaints about a scheme: it must have weak order 1 near a state, with increments +-sqrt(h).
+    """Complaints about a scheme: it must have weak order 1 near a state, with increments +-sqrt(h).
 
     Over 64 paths whose increments are orthogonal signs times sqrt(h), the mean of a step must be
     y + h (f + 1/2 sum_k sigma_k^2 f_k' f_k) + o(h), and the mean of the step times the sign of noise k,
@@ -54,7 +54,7 @@ def _stays(remainders):
 
 
 def _one_step(scheme, model, h, y, on, coin):
-    """The signs (noises that are on, LANES), and the states (d, LANES) after a step from y with these increments."""
+    """Signs (noises that are on, LANES), and the states (d, LANES) after a step from y with these increments."""
     signs = hadamard(LANES)[1 : len(on) + 1].astype(float)
     needs, finest = kept_of_steps(None, scheme, model), substeps(scheme)
     dW = np.zeros(row_length(needs, model))

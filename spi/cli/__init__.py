@@ -1,4 +1,4 @@
-"""The command line: arguments and messages only."""
+"""Command line: arguments and messages only."""
 
 import os
 import signal
@@ -29,7 +29,7 @@ from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, 
 
 
 class Commands(TyperGroup):
-    """The commands by what they are for, each with its whole first sentence."""
+    """Commands by what they are for, each with its whole first sentence."""
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that the first argument names; an error says which plug-in has one that is not here."""
@@ -145,7 +145,7 @@ _PLUGIN_PROBLEM = _add_commands()
 
 
 def main() -> NoReturn:
-    """The entry point: turns the errors that a person can make into one line and an exit code."""
+    """Entry point: turns the errors that a person can make into one line and an exit code."""
     STOP.listen()
     write_what_the_terminal_can()
     arguments = sys.argv[1:]
@@ -193,7 +193,7 @@ def _run(arguments: list[str]) -> int:
 
 
 def _usage(error: typer.TyperException) -> str:
-    """The mistake in a command line; where an argument is missing, also its help."""
+    """Mistake in a command line; where an argument is missing, also its help."""
     message = error.format_message().replace("Value error, ", "")  # how pydantic begins what typer says
     option = getattr(error, "option_name", "").lstrip("-")
     if advice := lacking("ways", option) or lacking("templates", option):
@@ -206,7 +206,7 @@ def _usage(error: typer.TyperException) -> str:
 
 
 def _code(error: BaseException) -> int | None:
-    """The exit code of an error that has a message for people, or None."""
+    """Exit code of an error that has a message for people, or None."""
     if isinstance(error, typer.TyperException):
         return error.exit_code
     from ..checks.compilable import CompilationError

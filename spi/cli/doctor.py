@@ -54,7 +54,7 @@ class Finding(NamedTuple):
 
 
 def findings(watch: Watch = NOBODY) -> Iterator[Finding]:
-    """The facts about this installation, the quick ones first; `watch` follows the small run."""
+    """Facts about this installation, the quick ones first; `watch` follows the small run."""
     about = storage.provenance()
     yield Finding("spi", f"{__version__}, Python {about['machine_python']} on {about['machine_platform']}")
     yield Finding("packages", ", ".join(f"{name} {about[f'machine_{name}']}" for name in ("numba", "numpy", "h5py")))
@@ -66,7 +66,7 @@ def findings(watch: Watch = NOBODY) -> Iterator[Finding]:
 
 
 def _vectors(name: str) -> Finding:
-    """The vectors for which kernels are compiled, and whether results are those of other processors."""
+    """Vectors for which kernels are compiled, and whether results are those of other processors."""
     fact = f"{name}, {processor.instruction_set()}: {processor.vectors()}"
     remedy = (
         "" if processor.is_fused() else "it has no fused operations, so that last digits differ from other machines"
@@ -75,7 +75,7 @@ def _vectors(name: str) -> Finding:
 
 
 def _parts() -> Iterator[Finding]:
-    """The parts of Numba that are left out, each with what is lost."""
+    """Parts of Numba that are left out, each with what is lost."""
     for part in private.left_out():
         missing = ", ".join(private.missing(part))
         fact = f"without {part}, " + (f"as Numba has no {missing}" if missing else f"by {private.VARIABLE}")
@@ -89,7 +89,7 @@ def _threads() -> Finding:
 
 
 def _cache() -> Finding:
-    """The folder and number of compiled kernels, and whether there is room for more."""
+    """Folder and number of compiled kernels, and whether there is room for more."""
     if CACHE_PROBLEM:
         remedy = "every run compiles anew; set SPI_CACHE_DIR to a folder that you can write to"
         return Finding("kernels", CACHE_PROBLEM, remedy)

@@ -31,12 +31,12 @@ def complete_results(incomplete: str) -> list[str]:
 
 
 def complete_profile(incomplete: str) -> list[str]:
-    """The profiles of a spec, without what reads them: that takes a while."""
+    """Profiles of a spec, without what reads them: that takes a while."""
     return [name for name in ("laptop", "paper", "quick") if name.startswith(incomplete)]
 
 
 def _files(incomplete: str, endings: Sequence[str]) -> list[str]:
-    """The files with these endings whose paths begin so; where there are none, a shell offers all files and folders."""
+    """Files with these endings whose paths begin so; where there are none, a shell offers all files and folders."""
     folder, start = os.path.split(incomplete)
     try:
         names = sorted(name for name in os.listdir(folder or ".") if name.startswith(start))
@@ -59,7 +59,7 @@ Specs = Annotated[
         autocompletion=complete_spec,
     ),
 ]
-Stored = Annotated[
+ResultsFile = Annotated[
     Path,
     typer.Argument(
         metavar="FILE|SPEC|NAME",
@@ -82,7 +82,7 @@ Fresh = Annotated[bool, typer.Option("--fresh", help="Recompute from scratch, wh
 
 
 class RunOptions(NamedTuple):
-    """The options of a run, which also choose among the results of its experiment."""
+    """Options of a run, which also choose among the results of its experiment."""
 
     profile: Annotated[
         str | None,
@@ -103,7 +103,7 @@ class RunOptions(NamedTuple):
 
     @property
     def assignments(self) -> list[str]:
-        """The overrides of a spec by --set, --samples and --seed."""
+        """Overrides of a spec by --set, --samples and --seed."""
         short = {"samples": self.samples, "seed": self.seed}
         return [*(self.overrides or ()), *(f"--{key}={value}" for key, value in short.items() if value is not None)]
 
@@ -157,7 +157,7 @@ def _with_options(command: Callable[..., None], parameter: str, given: dict[str,
 
     @functools.wraps(command)
     def called(**values: Any) -> None:
-        chosen = {name: value for name in given if (value := values.pop(name))}
+        chosen = {name: value for name in given if (value := values.pop(name)) not in (None, False)}
         command(**values, **{parameter: chosen})
 
     signature = inspect.signature(command)
@@ -216,7 +216,7 @@ def load(specs: list[Path], options: RunOptions) -> list["Experiment"]:
 
 
 def stored(sources: Sequence[Path] | None, folder: Path, options: RunOptions) -> list[Path]:
-    """The files of results that a person means: files, spec files, or names of experiments; without any, all.
+    """Files of results that a person means: files, spec files, or names of experiments; without any, all.
 
     Those of names lie in `folder`, and the options of their runs choose among them.  Raises StorageError if there are
     none, or if those of a spec file are of another.

@@ -1,4 +1,4 @@
-"""The progress of a run, on a terminal."""
+"""Progress of a run, on a terminal."""
 
 import math
 import sys
@@ -49,7 +49,7 @@ class ProgressLine:
 
     @property
     def watch(self) -> "Watch":
-        """The callbacks for a run."""
+        """Callbacks for a run."""
         from ..running.run import Watch
 
         return Watch(self.report, self.report_compiling, self.tell, self.report_beginning)

@@ -1,4 +1,4 @@
-"""The commands that compute: run and trace."""
+"""Commands that compute: run and trace."""
 
 import math
 import re
@@ -32,12 +32,12 @@ from .terminal import STOP, for_whoever_reads, tell
 if TYPE_CHECKING:
     from ..running.run import Limits, Watch
     from ..specs import Experiment
-    from ..storage.records import Results
+    from ..storage.records import StoredResults
 
 MaxTime = Annotated[
     str | None, typer.Option(help="Stop after this long (90s, 45m, 3h); run the same command again to resume.")
 ]
-Checkpoint = Annotated[str, typer.Option(help="Save progress at least this often (5s, 1m).")]
+CheckpointTime = Annotated[str, typer.Option(help="Save progress at least this often (5s, 1m).")]
 
 
 @way_options
@@ -48,7 +48,7 @@ def run(
     out: Out = Path("results"),
     fresh: Fresh = False,
     max_time: MaxTime = None,
-    checkpoint: Checkpoint = "5s",
+    checkpoint: CheckpointTime = "5s",
     workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1, max=1024)] = None,
     confirmed: Annotated[
         bool, typer.Option("--confirmed", help="Exit code 4 unless the results confirm every claim.")
@@ -159,7 +159,7 @@ def _here(size: int | None) -> Iterator[Compute]:
         yield partial(run, workers=workers)
 
 
-def any_wrong(name: str, results: "Results", confirmed: bool = False) -> bool:
+def any_wrong(name: str, results: "StoredResults", confirmed: bool = False) -> bool:
     """Report the verdicts on the claims of an experiment; whether one is contradicted, or is not `confirmed`."""
     from .. import views
     from ..printing.tables import remarks

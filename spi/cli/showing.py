@@ -1,4 +1,4 @@
-"""The commands that show stored results, and what there is: show, plot and list."""
+"""Commands that show stored results, and what there is: show, plot and list."""
 
 import contextlib
 import re
@@ -26,7 +26,7 @@ from .terminal import STOP, takes_all_characters, tell
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..storage.records import Results
+    from ..storage.records import StoredResults
 
 
 @run_options("trust_code")
@@ -129,7 +129,7 @@ def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
         raise typer.Exit(max(codes))
 
 
-def _write_film(path: Path, results: "Results", folder: Path) -> None:
+def _write_film(path: Path, results: "StoredResults", folder: Path) -> None:
     from .. import views
     from .progress import ProgressLine
 
@@ -182,7 +182,7 @@ def word(text: str) -> str:
     return text
 
 
-class Part(NamedTuple):
+class ListedPart(NamedTuple):
     """A part of the list: records of one sort, the first column their names and the last one texts."""
 
     word: str  #: by which it is asked for
@@ -229,8 +229,8 @@ def list_(
         raise typer.Exit(INVALID)
 
 
-def _parts(only: str | None, folder: Path, problems: list[str]) -> Iterable[Part]:
-    """The parts of the list, at least that which is asked for; adds the mistakes in experiments to `problems`."""
+def _parts(only: str | None, folder: Path, problems: list[str]) -> Iterable[ListedPart]:
+    """Parts of the list, at least that which is asked for; adds the mistakes in experiments to `problems`."""
     if only in (None, "experiments", *GROUPS):
         yield from _experiments(folder, problems)
     if only in (None, "models"):
@@ -239,7 +239,7 @@ def _parts(only: str | None, folder: Path, problems: list[str]) -> Iterable[Part
         docs = {name: " ".join((cls.__doc__ or "").split("\n\n")[0].split()) for name, cls in MODELS.items()}
         fields = {name: f"parameters: {', '.join(getattr(cls, '_fields', ()))}" for name, cls in MODELS.items()}
         rows = [(name, f"{text.rstrip('.')}; {fields[name]}") for name, text in docs.items()]
-        yield Part("models", "models", ["name", "equations and parameters"], rows)
+        yield ListedPart("models", "models", ["name", "equations and parameters"], rows)
     if only in (None, "schemes"):
         from ..printing.text import fraction
         from ..schemes import SCHEMES
@@ -249,16 +249,16 @@ def _parts(only: str | None, folder: Path, problems: list[str]) -> Iterable[Part
             for name, row in SCHEMES.items()
         }
         schemes = [(name, *orders[name], f"{row.label}; preserves {row.preserves}") for name, row in SCHEMES.items()]
-        yield Part("schemes", "schemes", ["name", "strong\norder", "with one\nnoise", "weak\norder", ""], schemes)
+        yield ListedPart("schemes", "schemes", ["name", "strong\norder", "with one\nnoise", "weak\norder", ""], schemes)
     if only in (None, "kinds"):
         from ..kinds import KINDS
 
         kinds = [(name, (kind.keys.Case.__doc__ or "").split("\n\n")[0]) for name, kind in KINDS.items()]
-        yield Part("kinds", "kinds of experiment", ["name", "results"], kinds)
+        yield ListedPart("kinds", "kinds of experiment", ["name", "results"], kinds)
 
 
-def _experiments(folder: Path, problems: list[str]) -> Iterable[Part]:
-    """The experiments that come with spi, of the groups that are here, and those in a folder, by group."""
+def _experiments(folder: Path, problems: list[str]) -> Iterable[ListedPart]:
+    """Experiments that come with spi, of the groups that are here, and those in a folder, by group."""
     from ..running import shipped
     from ..running.load import headings
 
@@ -273,7 +273,7 @@ def _experiments(folder: Path, problems: list[str]) -> Iterable[Part]:
         problems += mistakes
     for group, members in rows.items():
         if members:
-            yield Part(group, f"{group}: {GROUPS[group]}", ["name", "figure", "title"], members)
+            yield ListedPart(group, f"{group}: {GROUPS[group]}", ["name", "figure", "title"], members)
 
 
 def print_results(folder: Path, one_line: bool = False) -> None:
@@ -297,7 +297,7 @@ def print_results(folder: Path, one_line: bool = False) -> None:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _print_lines(console: "Console", parts: Sequence[Part]) -> None:
+def _print_lines(console: "Console", parts: Sequence[ListedPart]) -> None:
     """One record a line, behind the word for its part."""
     from ..printing.text import print_lines, printable
 
@@ -308,7 +308,7 @@ def _print_lines(console: "Console", parts: Sequence[Part]) -> None:
             print_lines(console, ["  ".join([f"{part.word:<9}", *map(printable, cells)]).rstrip()])
 
 
-def _print_groups(console: "Console", parts: Sequence[Part]) -> None:
+def _print_groups(console: "Console", parts: Sequence[ListedPart]) -> None:
     """A line for each group of experiments, the names of all else, and what shows more."""
     from ..printing.text import print_lines, printable, wrapped
 
@@ -321,7 +321,7 @@ def _print_groups(console: "Console", parts: Sequence[Part]) -> None:
     print_lines(console, ["`spi list WORD` tells more: experiments, paper, ..., models, schemes, kinds, results"])
 
 
-def _print_table(console: "Console", part: Part) -> None:
+def _print_table(console: "Console", part: ListedPart) -> None:
     """A table as wide as the terminal, whose last column wraps."""
     from rich.text import Text
 

@@ -1,4 +1,4 @@
-"""The commands with which a person begins, new and doctor, and the cache."""
+"""Commands with which a person begins, new and doctor, and the cache."""
 
 import contextlib
 import re
@@ -42,7 +42,7 @@ def cache(
 
 
 def _amount(folders: list[Path]) -> str:
-    """The number and size of the files in folders, from which other processes may remove files meanwhile."""
+    """Number and size of the files in folders, from which other processes may remove files meanwhile."""
     sizes = []
     for file in (file for folder in folders for file in folder.rglob("*")):
         with contextlib.suppress(FileNotFoundError):

@@ -123,7 +123,7 @@ class SharedCache(FunctionCache):
         return place is not None and key in place._cache_file._load_index()
 
     def _place(self, types):
-        """The cache of the versions that depend on the same foreign code; None if nothing identifies that code."""
+        """Cache of the versions that depend on the same foreign code; None if nothing identifies that code."""
         things = {self._py_func}.union(*map(record_classes, types))
         foreign = {(thing.__module__, modules.digest(thing)) for thing in things if modules.is_foreign(thing)}
         foreign |= {(VARIABLE, part) for part in left_out()}

@@ -34,7 +34,7 @@ INLINED = {**OPTIONS, **TO_INLINE, "forceinline": True}
 
 
 def function_of(lines, names):
-    """The function that a Python text defines: the line with its ``def``, and those of its body, without their indent.
+    """Function that a Python text defines: the line with its ``def``, and those of its body, without their indent.
 
     `names` are the globals of the function.  The text is registered with ``linecache``, so that tracebacks and messages
     of the compiler can show its lines.
@@ -157,7 +157,7 @@ def intrinsic(function):
 
 
 class Declared(NamedTuple):
-    """The declaration of a method or a trait, see :func:`method` and :func:`trait`."""
+    """Declaration of a method or a trait, see :func:`method` and :func:`trait`."""
 
     asked: str  #: the kind of record that has it: the name of the first parameter of the declaration, such as "model"
     parameters: int  #: of a method
@@ -202,7 +202,7 @@ def answers(declared, record):
 
 
 def _implementation(name, cls):
-    """The method `name` of a class; None if there is none (a field of that name is no method)."""
+    """Method `name` of a class; None if there is none (a field of that name is no method)."""
     attribute = getattr(cls, name, None)
     return attribute if inspect.isfunction(attribute) else None
 
@@ -270,7 +270,7 @@ globals().update({cls.__name__: cls for cls in INDICES})  # where Numba's cache 
 
 
 def number(index):
-    """The integer that one of :data:`INDICES` stands for; an integer stands for itself."""
+    """Integer that one of :data:`INDICES` stands for; an integer stands for itself."""
     return index if isinstance(index, int) else INDICES.index(class_of(index))
 
 

@@ -35,7 +35,7 @@ def keep_on_disk(dispatcher):
 
 
 def types_of(dispatcher, arguments):
-    """The types for which a call with these arguments compiles; None without a compiler or without the cache."""
+    """Types for which a call with these arguments compiles; None without a compiler or without the cache."""
     if not hasattr(dispatcher, "overloads") or not uses("cache"):
         return None
     return tuple(dispatcher.typeof_pyval(argument) for argument in arguments)
@@ -89,7 +89,7 @@ def is_known_to_the_compiler(value):
 
 
 def type_of_result(function, *arguments):
-    """The Numba type of the result of a function for such arguments, by compiling it without making machine code.
+    """Numba type of the result of a function for such arguments, by compiling it without making machine code.
 
     None without a compiler; errors of the compiler are passed on.
     """

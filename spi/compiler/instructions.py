@@ -35,7 +35,7 @@ def field(record, name):
 
 
 def part_of(context, builder, record, pointer, name):
-    """The field `name` of a record in memory, or the pointer to a record within it."""
+    """Field `name` of a record in memory, or the pointer to a record within it."""
     place = record.fields.index(name)
     pointer = _inside(builder, pointer, place)
     if record_class(record.types[place]):

@@ -24,7 +24,7 @@ COLLECTIONS = (50_000, 20, 20)
 
 
 class InlinedLibrary(Library):
-    """The code of one function, to be linked into its callers and never run by itself."""
+    """Code of one function, to be linked into its callers and never run by itself."""
 
     def __init__(self, codegen, function, *, once):
         super().__init__(codegen, function.__qualname__)
@@ -96,7 +96,7 @@ def unhindered():
 
 
 class LinkedLibrary(InlinedLibrary):
-    """The code of one of the wrappers that Numba puts around a parallel loop; the kernel holds a copy of it."""
+    """Code of one of the wrappers that Numba puts around a parallel loop; the kernel holds a copy of it."""
 
     def __init__(self, codegen, name):
         Library.__init__(self, codegen, name)

@@ -21,7 +21,7 @@ _ROOT = __name__.partition(".")[0]
 
 
 def stored(stem, text):
-    """The module with the Python source `text`, ``spi.compiler.own.<stem>_<first 16 hex digits of its SHA-256>``.
+    """Module with the Python source `text`, ``spi.compiler.own.<stem>_<first 16 hex digits of its SHA-256>``.
 
     The same text is the same module in every process, and an edited one is another.  Raises OSError if it cannot be
     written, and whatever the text raises while it is imported.
@@ -37,7 +37,7 @@ def stored(stem, text):
 
 
 def folder():
-    """The folder of stored modules."""
+    """Folder of stored modules."""
     return Path(own.__path__[0])
 
 
@@ -47,13 +47,13 @@ def is_stored(thing):
 
 
 def source_name(thing):
-    """The name of the file with the source of a class or function, of a stored module's without the hash."""
+    """Name of the file with the source of a class or function, of a stored module's without the hash."""
     name = Path(inspect.getfile(thing)).name
     return f"{name[: -len('_0123456789abcdef.py')]}.py" if is_stored(thing) else name
 
 
 def text_of(thing):
-    """The text of the stored module that a class or function is of."""
+    """Text of the stored module that a class or function is of."""
     return Path(sys.modules[thing.__module__].__file__).read_text(encoding="utf-8")
 
 
@@ -77,7 +77,7 @@ def digest(thing):
 
 @functools.cache
 def _digest_of_files(package):
-    """The digest of a module or package as it is on disk at the first call."""
+    """Digest of a module or package as it is on disk at the first call."""
     module = sys.modules[package]
     if folders := getattr(module, "__path__", None):
         files = [(file.relative_to(folder), file) for folder in folders for file in sorted(Path(folder).rglob("*.py"))]

@@ -18,7 +18,7 @@ _IS_USED = uses("pointers") and uses("refcounts")
 
 
 def in_memory(record):
-    """The record of an array-state model, of which compiled code hands on a pointer while the caller of this runs.
+    """Record of an array-state model, of which compiled code hands on a pointer while the caller of this runs.
 
     References to its arrays are not counted, see ``vectors.without_refcount``; the caller holds one.
     """

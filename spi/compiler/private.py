@@ -1,4 +1,4 @@
-"""The private parts of Numba that this room uses, what they take from it, and how to do without them.
+"""Private parts of Numba that this room uses, what they take from it, and how to do without them.
 
 Only files of this room import names that Numba may change (``numba.core``).  A part of which a name is missing is left
 out, neither used nor imported, and so are those that the environment variable SPI_WITHOUT names, with commas between
@@ -80,7 +80,7 @@ TAKEN = {
 
 
 def left_out():
-    """The parts that are left out; the program ends with one line if SPI_WITHOUT names one that there is not."""
+    """Parts that are left out; the program ends with one line if SPI_WITHOUT names one that there is not."""
     parts = tuple(filter(None, os.environ.get(VARIABLE, "").split(",")))
     if unknown := [part for part in parts if part not in PARTS]:
         raise SystemExit(f"spi: {VARIABLE} names {unknown[0]!r}, which is none of {', '.join(PARTS)}")
@@ -94,7 +94,7 @@ def uses(part):
 
 @functools.cache
 def missing(part):
-    """The names that a part takes and this version of Numba does not have."""
+    """Names that a part takes and this version of Numba does not have."""
     return tuple(
         ".".join(filter(None, (module, cls, name.lstrip("."))))
         for module, cls, names in TAKEN[part]

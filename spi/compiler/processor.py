@@ -1,4 +1,4 @@
-"""The vectors of the processor for which kernels are compiled."""
+"""Vectors of the processor for which kernels are compiled."""
 
 import functools
 import os
@@ -19,7 +19,7 @@ if WISH not in map(str, WIDTHS):
 
 @functools.cache
 def _features():
-    """The features of the processor that Numba passes to LLVM: {"avx2", "fma", ...}."""
+    """Features of the processor that Numba passes to LLVM: {"avx2", "fma", ...}."""
     always = {"neon"} if binding.get_process_triple().startswith(("aarch64", "arm64")) else set()
     if config.CPU_FEATURES is not None:
         named = {name.removeprefix("+") for name in config.CPU_FEATURES.split(",") if name.startswith("+")}
@@ -33,7 +33,7 @@ def _features():
 
 
 def instruction_set():
-    """The vector instructions for which kernels are compiled: the processor's, or those of Numba's settings."""
+    """Vector instructions for which kernels are compiled: the processor's, or those of Numba's settings."""
     return next((name for name in ("avx512f", "avx2", "avx", "sse2", "sve", "neon") if name in _features()), "unknown")
 
 
@@ -43,7 +43,7 @@ def is_fused():
 
 
 def vector_bits():
-    """The width of vectors: the largest of the processor, or less by SPI_VECTOR_BITS; 0 where LLVM chooses it."""
+    """Width of vectors: the largest of the processor, or less by SPI_VECTOR_BITS; 0 where LLVM chooses it."""
     if not uses("rounding"):
         return 0
     return min(int(WISH), {"avx512f": 512, "avx2": 256, "avx": 256}.get(instruction_set(), 128))

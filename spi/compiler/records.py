@@ -5,7 +5,7 @@ from numba import types
 
 
 class InMemory(types.Type):
-    """The Numba type of a record that lies in memory, see ``pointers.py``: what is asked of a record is asked of it."""
+    """Numba type of a record that lies in memory, see ``pointers.py``: what is asked of a record is asked of it."""
 
     def __init__(self, record):
         self.record = record
@@ -17,27 +17,27 @@ class InMemory(types.Type):
         return self.record
 
     def part(self, name):
-        """The type of a field: of a record within it that of a record in memory."""
+        """Type of a field: of a record within it that of a record in memory."""
         inner = self.types[self.fields.index(name)]
         return InMemory(inner) if record_class(inner) else inner
 
 
 def record_class(numba_type):
-    """The ``NamedTuple`` class behind a Numba type, or None if it is not a record."""
+    """``NamedTuple`` class behind a Numba type, or None if it is not a record."""
     if isinstance(numba_type, types.NamedTuple | types.NamedUniTuple | InMemory):
         return numba_type.instance_class
     return None
 
 
 def class_of(record):
-    """The class of a record, given the record, its class, or the Numba type of one."""
+    """Class of a record, given the record, its class, or the Numba type of one."""
     if isinstance(record, types.Type):
         return record_class(record)
     return record if isinstance(record, type) else type(record)
 
 
 def field(record, name):
-    """The field `name` of a record, or the Numba type of the field of a Numba type of records."""
+    """Field `name` of a record, or the Numba type of the field of a Numba type of records."""
     if isinstance(record, types.Type):
         return record.types[record.fields.index(name)]
     return getattr(record, name)
@@ -64,7 +64,7 @@ def is_some(value):
 
 
 def record_classes(numba_type):
-    """The classes of all records in a type of Numba: its own, and those of the elements of a tuple, list or array."""
+    """Classes of all records in a type of Numba: its own, and those of the elements of a tuple, list or array."""
     classes = {numba_type.instance_class} if isinstance(numba_type, types.BaseNamedTuple) else set()
     if isinstance(numba_type, types.BaseTuple):
         inner = numba_type.types

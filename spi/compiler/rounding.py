@@ -79,7 +79,7 @@ def _allows(value, *operations):
 
 
 def _fused(block, instruction, place):
-    """The instructions that replace a sum or difference whose operand number `place` is a product."""
+    """Instructions that replace a sum or difference whose operand number `place` is a product."""
     kind = instruction.type
     (a, b), c = instruction.operands[place].operands, instruction.operands[1 - place]
     written = []
@@ -95,7 +95,7 @@ def _fused(block, instruction, place):
 
 
 class RoundedLibrary(JITCodeLibrary):
-    """The code of one function, with explicit rounding and a width of vectors."""
+    """Code of one function, with explicit rounding and a width of vectors."""
 
     def add_ir_module(self, module):
         round_explicitly(module)

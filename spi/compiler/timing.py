@@ -1,4 +1,4 @@
-"""The time that compiling kernels, and loading compiled ones, takes within a block of code."""
+"""Time that compiling kernels, and loading compiled ones, takes within a block of code."""
 
 import contextlib
 import time
@@ -27,7 +27,7 @@ class Clock(event.Listener):
 
 @contextlib.contextmanager
 def compiling():
-    """The :class:`Clock` of what is compiled or loaded within the block."""
+    """:class:`Clock` of what is compiled or loaded within the block."""
     clock = Clock()
     with event.install_listener("numba:compiler_lock", clock):
         yield clock

@@ -26,17 +26,17 @@ _ALIGNED, _MASK = ir.Constant(ir.IntType(32), 8), ir.VectorType(ir.IntType(1), W
 _DOUBLES, _TILE = (ir.VectorType(ir.DoubleType(), count) for count in (WIDTH, TILE))
 
 
-class Vector(types.Type):
-    """The Numba type of a vector."""
+class VectorType(types.Type):
+    """Numba type of a vector."""
 
     def __init__(self):
         super().__init__("Vector")
 
 
-VECTOR = Vector()
+VECTOR = VectorType()
 
 
-@register_model(Vector)
+@register_model(VectorType)
 class _VectorModel(models.PrimitiveModel):
     def __init__(self, manager, numba_type):
         super().__init__(manager, numba_type, _DOUBLES)
@@ -92,7 +92,7 @@ def flipped(vector):
 
 
 def _checked_pointer(context, builder, array_type, array, i, numba_vector=_DOUBLES):
-    """The pointer to WIDTH numbers."""
+    """Pointer to WIDTH numbers."""
     if context.enable_boundscheck:
         check_places(context, builder, array_type, array, i, builder.add(i, i.type(WIDTH - 1)))
     return _pointer(context, builder, array_type, array, i, numba_vector)
@@ -185,7 +185,7 @@ def _at_once(builder, n, first):
 
 
 def _numbers(builder, first):
-    """The number of the pair to which each float of a window belongs."""
+    """Number of the pair to which each float of a window belongs."""
     lanes = ir.Constant(ir.VectorType(ir.IntType(64), TILE), [place // 2 for place in range(TILE)])
     return builder.add(lanes, _splat(builder, first))
 
@@ -287,7 +287,7 @@ def _arithmetic(operation, write):
 
         return typer
 
-    for a, b in ((Vector, Vector), (Vector, types.Float), (types.Float, Vector)):
+    for a, b in ((VectorType, VectorType), (VectorType, types.Float), (types.Float, VectorType)):
 
         @lower_builtin(operation, a, b)
         def code(context, builder, signature, arguments):

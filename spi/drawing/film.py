@@ -24,7 +24,7 @@ class Film(NamedTuple):
 
 
 def as_gif(film: Film, report: Callable[[int, int], None]) -> bytes:
-    """The content of the GIF file of a film; `report` is called with the number of frames drawn, and of all."""
+    """Content of the GIF file of a film; `report` is called with the number of frames drawn, and of all."""
     writer = PillowWriter(fps=min(max(film.frames // _SECONDS, _SLOWEST), _FASTEST))
     with scratch_folder() as folder, page.applied():
         path = Path(folder, "film.gif")

@@ -57,7 +57,7 @@ def settle(fig: Figure) -> None:
 
 
 def _place(ax: Axes) -> tuple[float, float]:
-    """The left and the right end, in pixels, of the part of the figure that is the panel's with all its texts."""
+    """Left and the right end, in pixels, of the part of the figure that is the panel's with all its texts."""
     width, place = ax.figure.bbox.width, ax.get_subplotspec()
     if place is None:
         return 0.0, width
@@ -153,7 +153,7 @@ def _size(ax: Axes) -> tuple[float, float]:
 
 
 def _wanted(ax: Axes) -> float:
-    """The inches of height that suit a panel."""
+    """Inches of height that suit a panel."""
     width, _ = _size(ax)
     if ax.name == "3d":
         return width
@@ -178,7 +178,7 @@ def _thin(axis: Any) -> None:
 
 
 def _labels(axis: Any) -> list[tuple[float, Text]]:
-    """The places and labels of the ticks that can be seen, in order."""
+    """Places and labels of the ticks that can be seen, in order."""
     low, high = sorted(axis.get_view_interval())
     axis.get_tightbbox()  # which brings the ticks up to date
     ticks = [*axis.get_major_ticks(), *axis.get_minor_ticks()]

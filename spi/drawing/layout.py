@@ -21,21 +21,21 @@ class _Drawn(NamedTuple):
     """A panel that is drawn."""
 
     ax: plots.Axes
-    entries: list[plots.Entry]  #: of the legend
+    entries: list[plots.LegendEntry]  #: of the legend
     ends: list[plots.End]  #: of its lines
 
 
 class _Legend(NamedTuple):
-    """The legend of a figure, and where its lines are named."""
+    """Legend of a figure, and where its lines are named."""
 
-    entries: list[plots.Entry]
+    entries: list[plots.LegendEntry]
     named: bool  #: whether the lines of schemes are named at their ends instead
     beside_slopes: bool  #: whether the names of reference lines stand beside them instead
 
 
 @np.errstate(all="ignore")
 def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
-    """The figure of the panels of each case; ValueError if there are none, or no room for them in its height."""
+    """Figure of the panels of each case; ValueError if there are none, or no room for them in its height."""
     rows, layout = _rows([groups for _, groups in cases]), page.current().layout
     if not rows:
         raise ValueError("the results name no panel that could be drawn")
@@ -81,7 +81,7 @@ def _draw(
 
 
 def _legend_of(drawn: Sequence[_Drawn]) -> _Legend:
-    """The legend of some panels; of many entries those of reference lines leave first, then those of schemes."""
+    """Legend of some panels; of many entries those of reference lines leave first, then those of schemes."""
     ends, layout = [one.ends for one in drawn], page.current().layout
     schemes = {end.label for of_lines in ends for end in of_lines}
     handles = _merged([entry for one in drawn for entry in one.entries], schemes)
@@ -114,7 +114,7 @@ def _name_lines(drawn: Sequence[_Drawn], legend: _Legend) -> None:
         unnamed = unnamed - {(end.label, end.colour) for end in one.ends}
 
 
-def _write_legend(fig: Figure, rows: Sequence[Sequence[plots.Entry]]) -> None:
+def _write_legend(fig: Figure, rows: Sequence[Sequence[plots.LegendEntry]]) -> None:
     layout = page.current().layout
     artists, texts = zip(*(entry for column in zip(*rows, strict=True) for entry in column), strict=True)
     look: dict[str, Any] = {"frameon": False, "handlelength": layout.handle, "columnspacing": layout.between}
@@ -122,7 +122,7 @@ def _write_legend(fig: Figure, rows: Sequence[Sequence[plots.Entry]]) -> None:
 
 
 def _rows(cases: Sequence[list[list[plots.Plot]]]) -> Sequence[Sequence[plots.Plot | None]]:
-    """The panels of all cases in rows, at most as high together as a figure may be."""
+    """Panels of all cases in rows, at most as high together as a figure may be."""
     count = sum(len(group) for groups in cases for group in groups)
     layout, most = page.current().layout, page.current().columns()
     if layout.width is not None:
@@ -143,7 +143,7 @@ def _aspects(rows: Sequence[Sequence[plots.Plot | None]]) -> list[float]:
 
 
 def _in_rows(cases: Sequence[list[list[plots.Plot]]], most: int) -> Sequence[Sequence[plots.Plot | None]]:
-    """The panels of all cases, at most `most` in a row; each case begins one, unless cases are few panels."""
+    """Panels of all cases, at most `most` in a row; each case begins one, unless cases are few panels."""
     plots = [[plot for group in groups for plot in group] for groups in cases]
     longest = max(map(len, plots))
     if len(cases) == 1:
@@ -156,7 +156,7 @@ def _in_rows(cases: Sequence[list[list[plots.Plot]]], most: int) -> Sequence[Seq
 
 
 def _packed(cases: Sequence[list[list[plots.Plot]]], most: int) -> list[list[plots.Plot]]:
-    """The rows of all cases, short ones of neighbouring cases joined."""
+    """Rows of all cases, short ones of neighbouring cases joined."""
     rows: list[list[plots.Plot]] = []
     for own in cases:
         if rows and len(own) == 1 and len(rows[-1]) + len(own[0]) <= most:
@@ -197,7 +197,7 @@ def _even(plots: Sequence[plots.Plot], most: int, wide: bool = False) -> list[li
 
 
 class _Titles:
-    """The titles of panels: a letter where there are several, and the heading of each case above its first one."""
+    """Titles of panels: a letter where there are several, and the heading of each case above its first one."""
 
     def __init__(self, cases: Sequence[Case], rows: Sequence[Sequence[plots.Plot | None]], width: float) -> None:
         self.headings = {id(groups[0][0]): heading for heading, groups in cases if groups}
@@ -243,8 +243,8 @@ def _wrapped(texts: Sequence[str], width: float) -> list[str]:
     return [part for line in lines for part in fitting.broken(line, font, page.current().layout.fill * width)]
 
 
-def _with_notes(entries: list[plots.Entry], ends: Sequence[Sequence[plots.End]]) -> list[plots.Entry]:
-    """The entries of a single panel with the notes of its lines; of several an explanation of the numbers there."""
+def _with_notes(entries: list[plots.LegendEntry], ends: Sequence[Sequence[plots.End]]) -> list[plots.LegendEntry]:
+    """Entries of a single panel with the notes of its lines; of several an explanation of the numbers there."""
     if len(ends) == 1:
         notes = {end.label: f"{text}: {end.note}" for end in ends[0] if end.note for text in [end.label]}
         return [(handle, notes.get(text, text)) for handle, text in entries]
@@ -253,8 +253,8 @@ def _with_notes(entries: list[plots.Entry], ends: Sequence[Sequence[plots.End]])
     return entries
 
 
-def _merged(entries: Sequence[plots.Entry], schemes: set[str]) -> list[plots.Entry]:
-    """The entries of all panels, each text once: schemes, other lines, marks."""
+def _merged(entries: Sequence[plots.LegendEntry], schemes: set[str]) -> list[plots.LegendEntry]:
+    """Entries of all panels, each text once: schemes, other lines, marks."""
     by_text = {text: handle for handle, text in reversed(entries)}
     texts = dict.fromkeys(text for _, text in entries)
     both = {text for text in texts if any(other.endswith(f", or {text}") for other in texts)}  # of two kinds of panels
@@ -263,12 +263,12 @@ def _merged(entries: Sequence[plots.Entry], schemes: set[str]) -> list[plots.Ent
     return sorted(merged, key=lambda entry: (entry[1] not in schemes, dashes[entry[1]] == "None"))
 
 
-def _legend_rows(entries: Sequence[plots.Entry], width: float) -> list[list[plots.Entry]]:
-    """The entries in as few rows as a figure of some inches has room for, all filled up to one length."""
+def _legend_rows(entries: Sequence[plots.LegendEntry], width: float) -> list[list[plots.LegendEntry]]:
+    """Entries in as few rows as a figure of some inches has room for, all filled up to one length."""
     if not entries:
         return []
     layout = page.current().layout
-    blank: plots.Entry = Line2D([], [], linestyle="none"), " "
+    blank: plots.LegendEntry = Line2D([], [], linestyle="none"), " "
     for columns in range(len(entries), 0, -1):
         rows = [list(entries[i : i + columns]) for i in range(0, len(entries), columns)]
         rows[-1] += [blank] * (columns - len(rows[-1]))

@@ -1,4 +1,4 @@
-"""The layout of figures: every width, margin, distance, height and size of letters, in one record."""
+"""Layout of figures: every width, margin, distance, height and size of letters, in one record."""
 
 from typing import NamedTuple
 
@@ -7,7 +7,7 @@ COLUMNS = {"one": 3.35, "two": 7.0}
 
 
 class Layout(NamedTuple):
-    """The measures of a figure, for a screen if not said otherwise; see :data:`PAPER`.
+    """Measures of a figure, for a screen if not said otherwise; see :data:`PAPER`.
 
     Lengths are in inches and sizes of letters in points; a shape is a height over a width.
     """
@@ -87,12 +87,12 @@ class Layout(NamedTuple):
     bar_pad: float = 0.02  #: between a map and its colour bar, in widths of the panel
 
     def with_letters(self, size: float) -> "Layout":
-        """The layout with text of some points; other letters and the heights of lines are in proportion."""
+        """Layout with text of some points; other letters and the heights of lines are in proportion."""
         factor = size / self.text
         return self._replace(**{name: factor * getattr(self, name) for name in _WITH_LETTERS})
 
     def panel_width(self, columns: int) -> float:
-        """The width that a panel wants to have in a row of some."""
+        """Width that a panel wants to have in a row of some."""
         return self.widths[columns - 1] if columns <= len(self.widths) else self.narrow
 
 

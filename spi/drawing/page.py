@@ -1,4 +1,4 @@
-"""The page that a figure is drawn for: a screen, or one or two columns of a paper."""
+"""Page that a figure is drawn for: a screen, or one or two columns of a paper."""
 
 import contextlib
 import difflib
@@ -49,7 +49,7 @@ _PAPER: dict[str, Any] = {
 
 
 class Page(NamedTuple):
-    """The page that a figure is drawn for."""
+    """Page that a figure is drawn for."""
 
     layout: Layout = measures.SCREEN
     is_paper: bool = False  #: whether title and parameters are left to a caption
@@ -57,7 +57,7 @@ class Page(NamedTuple):
 
     @property
     def settings(self) -> dict[str, Any]:
-        """The settings of matplotlib that make its look."""
+        """Settings of matplotlib that make its look."""
         look = _SCREEN | _letters(self.layout) | (_PAPER if self.is_paper else {})
         if self.family is None:
             return look
@@ -68,13 +68,13 @@ class Page(NamedTuple):
         return look | math_fonts | {"font.family": [self.family, FAMILIES["sans"]]}
 
     def columns(self) -> int:
-        """The number of panels side by side at most: of those that a figure of a given width has room for."""
+        """Number of panels side by side at most: of those that a figure of a given width has room for."""
         wanted, width = self.layout.columns, self.layout.width
         return wanted if width is None else min(wanted, max(1, int(width / self.layout.least)))
 
 
 def _letters(layout: Layout) -> dict[str, Any]:
-    """The sizes of letters by matplotlib's names."""
+    """Sizes of letters by matplotlib's names."""
     return {
         "font.size": layout.text,
         "figure.titlesize": layout.title,
@@ -93,12 +93,12 @@ _OF: WeakKeyDictionary[Figure, Page] = WeakKeyDictionary()
 
 
 def current() -> Page:
-    """The page of the figure that is being made."""
+    """Page of the figure that is being made."""
     return _CURRENT.get()
 
 
 def of(fig: Figure) -> Page:
-    """The page that a finished figure was drawn for."""
+    """Page that a finished figure was drawn for."""
     return _OF.get(fig, SCREEN)
 
 
@@ -108,13 +108,13 @@ def remember(fig: Figure) -> None:
 
 
 def points(setting: str) -> float:
-    """The size of letters by the name of a setting of matplotlib, such as "axes.titlesize"."""
+    """Size of letters by the name of a setting of matplotlib, such as "axes.titlesize"."""
     settings: Any = matplotlib.rcParams
     return float(FontProperties(size=settings[setting]).get_size_in_points())
 
 
 def inches_of(text: str, font: FontProperties) -> float:
-    """The width of a line of text in a font, in inches; its outline would take ten times as long to make."""
+    """Width of a line of text in a font, in inches; its outline would take ten times as long to make."""
     width: float = text_to_path.get_text_width_height_descent(text, font, is_math_text(text))[0]
     return width / 72
 
@@ -137,7 +137,7 @@ def named(
     font: str | None = None,
     font_size: float | None = None,
 ) -> Page:
-    """The page of a style, "screen" or "paper", with its width and height, and the font and size of its letters.
+    """Page of a style, "screen" or "paper", with its width and height, and the font and size of its letters.
 
     ``width`` and ``height`` are inches or a text such as "130mm", ``width`` also "one" or "two" columns; ``font`` is
     "serif", "sans" or the name of an installed TrueType family, ``font_size`` points of its text, to which the letters
@@ -189,7 +189,7 @@ def _length(given: str | float) -> float:
 
 
 def family(name: str) -> str:
-    """The installed TrueType family of a name; ValueError names those that are spelt alike."""
+    """Installed TrueType family of a name; ValueError names those that are spelt alike."""
     installed = {font.name for font in fontManager.ttflist if font.fname.lower().endswith(".ttf")}
     by_small = {spelling.lower(): spelling for spelling in installed} | FAMILIES
     if name.lower() in by_small:

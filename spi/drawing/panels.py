@@ -24,11 +24,10 @@ _LINES = 4  # shades of one colour that can be told apart
 _UNITS = ("s", "ns", "rad")  # that stand on an axis; others, as "state", are those of the system
 
 Records = Sequence[Any]
-Looks = style.Looks
 
 
 def names_along(record: Stored, axis: str, count: int) -> list[str]:
-    """The name in mathematics of each place along an axis: of functions, Casimir functions, exponents, ..."""
+    """Name in mathematics of each place along an axis: of functions, Casimir functions, exponents, ..."""
     if axis in ("function", "variable", "quantity"):
         return [style.maths(str(name), record.about.variables) for name in np.asarray(record.get(axis)).tolist()]
     symbols = {"casimir": "C", "number": r"\lambda"}
@@ -38,14 +37,14 @@ def names_along(record: Stored, axis: str, count: int) -> list[str]:
     return [f"${symbol}_{{{i + 1}}}$" if count > 1 else f"${symbol}$" for i in range(count)]
 
 
-def scheme_look(record: Stored, looks: Looks, **more: Any) -> dict[str, Any]:
+def scheme_look(record: Stored, looks: style.Looks, **more: Any) -> dict[str, Any]:
     """Colour and marker of the scheme of a record."""
     marker, colour = looks[record.about.variant]
     return {"color": colour, "marker": marker, "markersize": 5.5} | more
 
 
 class Same(NamedTuple):
-    """The fact that a quantity is one number everywhere, and the panels that would show it."""
+    """Fact that a quantity is one number everywhere, and the panels that would show it."""
 
     text: str
     panels: list[plots.Plot]
@@ -82,7 +81,7 @@ class CurvePanel(NamedTuple):
     then: Callable[[plots.Plot, Records, int], Any] = lambda plot, records, place: plot
 
     def numbers(self, record: Stored) -> Estimate | None:
-        """The numbers of a record, the largest along axes that the panel lacks; None if there is nothing to draw."""
+        """Numbers of a record, the largest along axes that the panel lacks; None if there is nothing to draw."""
         numbers = record.estimate(self.field)
         if numbers is None or not numbers.value.size or any(place(record) is None for place in self.at.values()):
             return None
@@ -90,8 +89,8 @@ class CurvePanel(NamedTuple):
             numbers = numbers.without(axis, np.max)
         return numbers if self.nan_diverged or np.isfinite(numbers.value).any() else None
 
-    def expand(self, records: Records, looks: Looks) -> Iterator[Any]:
-        """The panels of one case."""
+    def expand(self, records: Records, looks: style.Looks) -> Iterator[Any]:
+        """Panels of one case."""
         pairs = [(record, numbers) for record in records if (numbers := self.numbers(record))]
         if not pairs:
             return
@@ -109,7 +108,7 @@ class CurvePanel(NamedTuple):
             drawn = [Same(self.same.format(f"{everything[0]:g}"), drawn)]
         yield from drawn
 
-    def _plot(self, pairs: Sequence[tuple[Any, Estimate]], looks: Looks, place: int, name: str) -> plots.Plot:
+    def _plot(self, pairs: Sequence[tuple[Any, Estimate]], looks: style.Looks, place: int, name: str) -> plots.Plot:
         first, meaning = pairs[0][0], pairs[0][0].by_name[self.field].meaning
         drawn = [line for record, own in pairs for line in self._lines(record, own, looks, place, len(pairs))]
         scale = self.scale or {"h": "steps", "n": "log"}.get(self.over, "linear")
@@ -135,8 +134,10 @@ class CurvePanel(NamedTuple):
             entries=list(_shades(first, self.lines)) if self.lines else (),
         )
 
-    def _lines(self, record: Any, numbers: Estimate, looks: Looks, place: int, schemes: int) -> Iterator[plots.Series]:
-        """The lines of one scheme."""
+    def _lines(
+        self, record: Any, numbers: Estimate, looks: style.Looks, place: int, schemes: int
+    ) -> Iterator[plots.Series]:
+        """Lines of one scheme."""
         x = record.get(self.over) if self.along is None else self.along(record, place)
         value, ends, poor = self._values(record, numbers, place)
         in_time = self.over in ("t", "lag")
@@ -151,7 +152,7 @@ class CurvePanel(NamedTuple):
             yield plots.series(x, mine[0], own, "" if i else text, poor=mine[1], band=in_time and bool(ends), **more)
 
     def _values(self, record: Any, numbers: Estimate, place: int) -> tuple[plots.Array, list[plots.Array], plots.Array]:
-        """The values at one place along the facet, the ends of their intervals, and whether they are not resolved."""
+        """Values at one place along the facet, the ends of their intervals, and whether they are not resolved."""
         if self.half is not None:
             half = self.half(record)
             numbers = numbers._replace(low=numbers.value - half, high=numbers.value + half)
@@ -171,7 +172,7 @@ class CurvePanel(NamedTuple):
         return value, ends, poor
 
     def _taken(self, record: Any, array: plots.Array, axes: Sequence[str], place: int) -> plots.Array:
-        """The part of an array at one place along the facet: (lines, over), or (over,), or a number."""
+        """Part of an array at one place along the facet: (lines, over), or (over,), or a number."""
         index = tuple(
             slice(None) if axis in (self.lines, self.over) else place if axis == self.facet else self.at[axis](record)
             for axis in axes
@@ -202,7 +203,7 @@ class CurvePanel(NamedTuple):
         return [], []
 
 
-def _shades(record: Any, axis: str) -> Iterator[plots.Entry]:
+def _shades(record: Any, axis: str) -> Iterator[plots.LegendEntry]:
     """Entries of the legend for the places along an axis whose lines differ in shade; none for a single one."""
     values = record.get(axis)
     rows = plots.spread(len(values), _LINES)
@@ -222,7 +223,7 @@ def ErrorPanel(field: str, **options: Any) -> CurvePanel:
 
 
 def order_of(field: str = "order") -> Callable[[Any, int, int], str]:
-    """The note of a line: the fitted order in a field, one for all or one for each place along the facet."""
+    """Note of a line: the fitted order in a field, one for all or one for each place along the facet."""
 
     def note(record: Any, place: int, line: int) -> str:
         owner = record
@@ -233,24 +234,24 @@ def order_of(field: str = "order") -> Callable[[Any, int, int], str]:
     return note
 
 
-class Own(NamedTuple):
+class OwnPanels(NamedTuple):
     """Panels that a function of the kind makes, of the records of a case and the looks of schemes.
 
     It yields panels, lists of panels that belong together in a row, and facts in place of panels.
     """
 
-    expand: Callable[[Any, Looks], Any]
+    expand: Callable[[Any, style.Looks], Any]
 
 
 class Figures(NamedTuple):
-    """The figures of a kind: its panels by the words of the key ``panels``."""
+    """Figures of a kind: its panels by the words of the key ``panels``."""
 
     panels: Mapping[str, Sequence[Any]]
     facts: Sequence[str] | Callable[[Any], dict[str, str]] = ()  #: fields of the record that stand above the figure
 
     @np.errstate(all="ignore")  # records of paths that diverged hold NaN and infinity
     def __call__(self, title: str, cases: Sequence[Records]) -> Figure:
-        """The figure of the records of each case."""
+        """Figure of the records of each case."""
         looks = style.looks(cases)
         facts = [
             self.facts(records) if callable(self.facts) else style.facts(records[0], *self.facts) for records in cases
@@ -262,8 +263,8 @@ class Figures(NamedTuple):
         ]
         return layout.arranged(title, list(zip(headings, drawn, strict=True)), shared)
 
-    def _groups(self, records: Records, looks: Looks, facts: dict[str, str]) -> list[list[plots.Plot]]:
-        """The panels of one case, word by word; a quantity that is one number becomes a fact if others are shown."""
+    def _groups(self, records: Records, looks: style.Looks, facts: dict[str, str]) -> list[list[plots.Plot]]:
+        """Panels of one case, word by word; a quantity that is one number becomes a fact if others are shown."""
         groups: list[list[plots.Plot]] = []
         same: list[list[plots.Plot]] = []
         for word in self._words(records[0]):
@@ -278,7 +279,7 @@ class Figures(NamedTuple):
         return [group for group in groups if group] or same
 
     def _words(self, record: Any) -> Sequence[str]:
-        """The words of the panels that a record asks for, by default all; ValueError for an unknown one."""
+        """Words of the panels that a record asks for, by default all; ValueError for an unknown one."""
         words = getattr(record, "panels", None) or tuple(self.panels)
         if unknown := [word for word in words if word not in self.panels]:
             raise ValueError(f"{unknown[0]!r} is not a known panel; known panels: {', '.join(self.panels)}")

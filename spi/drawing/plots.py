@@ -16,11 +16,12 @@ from matplotlib.markers import CARETDOWN, CARETUP
 from matplotlib.path import Path
 from matplotlib.text import Text
 
+from spi.numerics.types import Array
+
 from . import measures, page, style
 
-Array = np.ndarray
-Entry = tuple[Artist, str]  #: of a legend: a handle and a text
-Draw = Callable[[Axes], list[Entry]]  #: draws on an axes and returns entries of the legend
+LegendEntry = tuple[Artist, str]  #: of a legend: a handle and a text
+Draw = Callable[[Axes], list[LegendEntry]]  #: draws on an axes and returns entries of the legend
 
 HUGE = 1e100  #: a value beyond that would make axes that cannot be drawn
 GREY, PALE = "#777777", 0.55  #: colour of what is no scheme, and opacity of points that are not resolved
@@ -68,7 +69,7 @@ def series(x: Any, y: Any, look: dict[str, Any], label: str = "", half: Any = No
 
 
 class End(NamedTuple):
-    """The right end of a line, where its name or a number may stand."""
+    """Right end of a line, where its name or a number may stand."""
 
     height: float  #: in data coordinates
     label: str
@@ -92,14 +93,14 @@ class Plot(NamedTuple):
     zero: bool = False  #: whether a line marks 0
     top: float = HUGE  #: values beyond do not widen the axis
     own: Draw | None = None
-    entries: Sequence[Entry] = ()  #: further ones of the legend
+    entries: Sequence[LegendEntry] = ()  #: further ones of the legend
     aspect: float = measures.SCREEN.shape  #: height over width, with labels
     projection: str | None = None
     shared: bool = False  #: whether its vertical axis is that of the panel to the left
 
-    def draw(self, ax: Axes) -> tuple[list[Entry], list[End]]:
+    def draw(self, ax: Axes) -> tuple[list[LegendEntry], list[End]]:
         """Draw on an axes; returns the entries of its legend and the ends of its lines."""
-        entries: list[Entry] = []
+        entries: list[LegendEntry] = []
         if self.series or self.across:
             self._scale(ax)
             for line in self.series:
@@ -140,12 +141,12 @@ class Plot(NamedTuple):
         shown = np.concatenate(values)
         return room_around(shown[np.isfinite(shown) & (np.abs(shown) < HUGE)])
 
-    def _references(self, ax: Axes) -> list[Entry]:
+    def _references(self, ax: Axes) -> list[LegendEntry]:
         if self.zero:
             ax.axhline(0, color="#aaaaaa", linewidth=0.8, zorder=1)
         for value, _ in self.across:
             ax.axhline(value, **THEORY)
-        entries: list[Entry] = [(Line2D([], [], **THEORY), name) for _, name in self.across if name]
+        entries: list[LegendEntry] = [(Line2D([], [], **THEORY), name) for _, name in self.across if name]
         points = [(line.x, line.y, _good(line)) for line in self.series if line.label]
         shown = [np.column_stack([x, y])[(y > 0) & (y < ax.get_ylim()[1]) & good] for x, y, good in points]
         cloud = np.concatenate(shown or [np.zeros((0, 2))])
@@ -158,7 +159,7 @@ class Plot(NamedTuple):
             entries += [(line, text) for line in ax.plot(ends, factor * ends**order, zorder=1, label=text, **look)]
         return entries
 
-    def _marks(self, ax: Axes) -> list[Entry]:
+    def _marks(self, ax: Axes) -> list[LegendEntry]:
         """Entries for points that are no ordinary ones."""
         bottom, top = ax.get_ylim()
         entries = []
@@ -179,7 +180,7 @@ def _good(line: Series) -> Array:
     return np.ones(len(line.y), bool) if line.poor is None else ~line.poor
 
 
-def _draw(ax: Axes, line: Series, log: bool) -> list[Entry]:
+def _draw(ax: Axes, line: Series, log: bool) -> list[LegendEntry]:
     """Draw a series within the limits of a panel; returns its entry of the legend."""
     bottom, top = ax.get_ylim()
     look = {"linewidth": 1.0, "zorder": 3} | line.look
@@ -215,7 +216,7 @@ def _drawable(y: Array, bottom: float, top: float, log: bool) -> Array:
 
 
 def _lost(line: Series, inside: Array) -> int | None:
-    """The place from which on a dense line is not finite; None if it ends, or leaves the panel before."""
+    """Place from which on a dense line is not finite; None if it ends, or leaves the panel before."""
     finite = np.flatnonzero(np.isfinite(line.y))
     last = int(finite[-1]) if len(finite) else len(line.y) - 1
     return last if len(line.x) > _DENSE and last < len(line.y) - 1 and inside[last] else None
@@ -267,7 +268,7 @@ def edge_marks(ax: Axes, x: Array, y: Array, colour: str) -> None:
         ax.plot(x[below], np.zeros(below.sum()), marker=CARETDOWN, markerfacecolor="none", **look)
 
 
-def mark(marker: Any, text: str, **look: Any) -> Entry:
+def mark(marker: Any, text: str, **look: Any) -> LegendEntry:
     """An entry of a legend: a black mark and its meaning."""
     return Line2D([], [], **{"marker": marker, "linestyle": "none", "color": "black"} | look), text
 
@@ -344,7 +345,7 @@ def _plain_ticks(ax: Axes, x: Array, xlim: tuple[float, float] | None) -> None:
 
 
 def _scaled(ax: Axes, label: str) -> str:
-    """The label of a linear axis; of tiny or huge values it names the power of ten that the ticks count."""
+    """Label of a linear axis; of tiny or huge values it names the power of ten that the ticks count."""
     formatter = ticker.ScalarFormatter(useOffset=False)
     formatter.set_scientific(False)
     ax.yaxis.set_major_formatter(formatter)
@@ -357,17 +358,17 @@ def _scaled(ax: Axes, label: str) -> str:
 
 
 class Places(NamedTuple):
-    """The places of the values of a parameter on an axis, (V,)."""
+    """Places of the values of a parameter on an axis, (V,)."""
 
     values: Array
     at: Array
     scale: str  #: "linear", "log" or "steps"
 
     def of(self, values: Array) -> Array:
-        """The places of some of the values."""
+        """Places of some of the values."""
         return self.at[np.searchsorted(self.values, values)]
 
-    def dress(self, ax: Axes) -> list[Entry]:
+    def dress(self, ax: Axes) -> list[LegendEntry]:
         """Ticks of a horizontal axis at the values where their places are not the values themselves."""
         if not np.array_equal(self.values, self.at):
             ticks(ax.xaxis, self.at, self.values)

@@ -1,4 +1,4 @@
-"""The look of all figures: colours, markers, titles, numbers and words."""
+"""Look of all figures: colours, markers, titles, numbers and words."""
 
 import math
 import re
@@ -97,7 +97,7 @@ def order_text(order: Order) -> str:
 
 
 def label(about: Description, with_eps: bool = True) -> str:
-    """The name of the scheme of a reading in mathtext; `about` is its description."""
+    """Name of the scheme of a reading in mathtext; `about` is its description."""
     text = plain(about.scheme_label)
     if with_eps and about.eps is not None:
         text = rf"{text}, $\varepsilon={power(about.eps)}$"
@@ -105,7 +105,7 @@ def label(about: Description, with_eps: bool = True) -> str:
 
 
 def symbol(name: str) -> str:
-    """The symbol of a parameter in mathtext, with an index where its name has one; empty if it has none."""
+    """Symbol of a parameter in mathtext, with an index where its name has one; empty if it has none."""
     return SYMBOLS.get(name) or (name if len(name) == 1 else _indexed(name))
 
 
@@ -116,7 +116,7 @@ def _indexed(name: str) -> str:
 
 
 def word(name: str) -> str:
-    """The label of a parameter on an axis, in mathtext if there is a symbol for it."""
+    """Label of a parameter on an axis, in mathtext if there is a symbol for it."""
     named = symbol(name)
     return f"${named}$" if named else plain(name.replace("_", " "))
 
@@ -149,7 +149,7 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
 
 
 def caption(fig: Figure) -> str:
-    """The caption of a figure: its title and parameters; formulas as in LaTeX."""
+    """Caption of a figure: its title and parameters; formulas as in LaTeX."""
     return str(fig.get_label())
 
 
@@ -169,12 +169,12 @@ def wrapped(items: Iterable[str], separator: str, size: str | float, width: floa
 
 
 def inches(text: str, size: str | float) -> float:
-    """The width of a text in inches, at a size as in :func:`wrapped`."""
+    """Width of a text in inches, at a size as in :func:`wrapped`."""
     return page.inches_of(text, FontProperties(size=page.points(size) if isinstance(size, str) else size))
 
 
 def split_facts(of_cases: list[dict[str, str]]) -> tuple[list[str], list[list[str]]]:
-    """The facts that all cases share, and the further ones of each case; `of_cases` are the :func:`facts` of each."""
+    """Facts that all cases share, and the further ones of each case; `of_cases` are the :func:`facts` of each."""
     # T is the temperature where there is one
     if any("model_temperature" in of_case or "temperature" in of_case.get("initial", "") for of_case in of_cases):
         of_cases = [
@@ -195,7 +195,7 @@ def _is_shown(value: Any) -> bool:
 
 
 def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
-    """The parameters that stand above a figure, name -> mathtext.
+    """Parameters that stand above a figure, name -> mathtext.
 
     Besides those of its description they are the fields of the reading in `names`, and `others`: ``step``,
     ``reference_step``, ``reference_scheme``, ``samples``, ``estimator``, ``functions`` (one alone) and ``path``.
@@ -215,7 +215,7 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
 
 
 def _of_model(about: Description) -> dict[str, str]:
-    """The parameters of the model that are numbers, and its noise if that is a text."""
+    """Parameters of the model that are numbers, and its noise if that is a text."""
     texts = {}
     of_model = symbols(MODELS[about.model]) if about.model in MODELS else {}
     for name, value in about.parameters.items():
@@ -240,7 +240,7 @@ def _of_start(about: Description) -> dict[str, str]:
 
 
 def _of_reference(own: Mapping[str, Any]) -> dict[str, str]:
-    """The steps, and the scheme of the reference."""
+    """Steps, and the scheme of the reference."""
     texts = {}
     for name, named in (("step", "h"), ("reference_step", r"h_{\mathrm{ref}}")):
         if own.get(name) is not None:
@@ -278,7 +278,7 @@ def initial_value(about: Description) -> str:
 
 
 def component_names(about: Description, count: int) -> list[str]:
-    """The names of the components of the state, in mathtext."""
+    """Names of the components of the state, in mathtext."""
     if about.variables:
         return [f"${symbol(name)}$" if symbol(name) else plain(name) for name in about.variables]
     if not (named := modes_of(about)):
@@ -362,7 +362,7 @@ def maths(text: str, variables: tuple[str, ...] = ()) -> str:
 
 
 def long_title(record: Any, facet: str, place: int) -> str:
-    """The title of the panel of one function: its name and formula, where they are not one."""
+    """Title of the panel of one function: its name and formula, where they are not one."""
     names, texts = record.get("function"), record.get("texts")
     if facet != "function" or texts is None or len(names) == 1:
         return ""
@@ -370,19 +370,19 @@ def long_title(record: Any, facet: str, place: int) -> str:
 
 
 def definition(name: str, text: str, variables: tuple[str, ...] = ()) -> str:
-    """The name and the formula of a function, as far as that is not too long; empty where they are one."""
+    """Name and the formula of a function, as far as that is not too long; empty where they are one."""
     if name == text:
         return ""
     return plain(name) + (f": {maths(text, variables)}" if len(text) < _LONG else "")
 
 
 def value_of(axis: str, value: float) -> str:
-    """The place along an axis of step sizes or of a parameter, as an equation."""
+    """Place along an axis of step sizes or of a parameter, as an equation."""
     return f"${symbol(axis) or axis}={number(float(value), axis == 'h')}$"
 
 
 def axis_label(record: Any, axis: str) -> str:
-    """The label of a horizontal axis."""
+    """Label of a horizontal axis."""
     return word(record.word) if axis == "value" else AXES.get(axis, axis)
 
 

@@ -1,4 +1,4 @@
-"""The figures of swept parameters: each quantity over the values of one, or as a map over those of two."""
+"""Figures of swept parameters: each quantity over the values of one, or as a map over those of two."""
 
 import math
 from collections.abc import Callable, Mapping, Sequence
@@ -37,7 +37,7 @@ def draw(
     texts: Mapping[str, str] = {},
     references: Mapping[str, str] = {},
 ) -> Figure:
-    """The figure of cases that are swept: each quantity over the values.
+    """Figure of cases that are swept: each quantity over the values.
 
     `sorts` has the sort of each quantity, `texts` the formulas of test functions, `references` those of their means.
     """
@@ -58,7 +58,7 @@ def draw(
 
 
 def draw_maps(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> Figure:
-    """The figure of cases in which two parameters are swept: each quantity as a map over both, for each scheme."""
+    """Figure of cases in which two parameters are swept: each quantity as a map over both, for each scheme."""
     several = len({curve.about.variant for _, curves, _ in cases for curve in curves}) > 1
 
     def panels(curves: Sequence[Curve]) -> list[list[plots.Plot]]:
@@ -122,7 +122,7 @@ def _over(
 
 
 def _parameter(curve: Curve) -> str:
-    """The label of the horizontal axis: the parameter, and that it is 1/T where it is."""
+    """Label of the horizontal axis: the parameter, and that it is 1/T where it is."""
     temperatures = [point.about.parameters.get("temperature") for point in curve.points]
     pairs = zip(curve.values.tolist(), temperatures, strict=False)
     is_inverse = bool(curve.points) and all(isinstance(T, float) and math.isclose(K * T, 1.0) for K, T in pairs)
@@ -134,7 +134,7 @@ _DASHED = {"linestyle": (0, (4, 2)), "linewidth": 1.1}
 
 
 def _theory(curve: Curve, formula: str, at: plots.Places) -> tuple[plots.Array, plots.Array] | None:
-    """The places and values of a curve of theory; None where only its values at those of the parameter are known.
+    """Places and values of a curve of theory; None where only its values at those of the parameter are known.
 
     A number that is the same for all values, or the formula of a mean on a fine grid.  It names parameters, of which
     those that change are the swept one or 1 / that, and it must have the values that are known.
@@ -158,7 +158,7 @@ def _theory(curve: Curve, formula: str, at: plots.Places) -> tuple[plots.Array, 
 
 
 def _columns(curve: Curve, x: plots.Array) -> dict[str, plots.Array]:
-    """The numbers that formulas may name at values x of the parameter, those of the curve first."""
+    """Numbers that formulas may name at values x of the parameter, those of the curve first."""
     each = [point.about.parameters | {"t": point.about.final_time} for point in curve.points]
     own, columns = x[: len(each)], {curve.word: x}
     for name in each[0]:
@@ -180,7 +180,7 @@ def _is_error(curve: Curve, sorts: Mapping[str, Sort]) -> bool:
 
 
 def _label(curves: Sequence[Curve]) -> str:
-    """The label of a panel: its quantity, and at which step size."""
+    """Label of a panel: its quantity, and at which step size."""
     first, steps = curves[0], {curve.h for curve in curves}
     name = style.plain(first.label)
     if first.function and first.name in _EXPECTATIONS:
@@ -211,7 +211,7 @@ def _map(curve: Curve, sorts: Mapping[str, Sort], several: bool) -> plots.Plot:
     return plots.Plot(title="\n".join(title), x=words[0], y=words[1], own=own, aspect=page.current().layout.map_shape)
 
 
-def _cells(curve: Curve, is_error: bool, ax: plots.Axes) -> list[plots.Entry]:
+def _cells(curve: Curve, is_error: bool, ax: plots.Axes) -> list[plots.LegendEntry]:
     grid = curve.grid()
     x, y = map(even_places, grid.axes)
     values, low, high = (grid.of(field) for field in ("value", "low", "high"))
@@ -238,7 +238,7 @@ def _cells(curve: Curve, is_error: bool, ax: plots.Axes) -> list[plots.Entry]:
 
 
 def even_places(values: plots.Array) -> plots.Places:
-    """The places of cells: evenly spaced values as they are, others by their logarithms or in order."""
+    """Places of cells: evenly spaced values as they are, others by their logarithms or in order."""
     gaps = np.diff(values)
     if len(gaps) and gaps.max() <= _EVEN * gaps.min():
         return plots.Places(values, values, "linear")
@@ -249,7 +249,7 @@ def even_places(values: plots.Array) -> plots.Places:
 
 
 def cell_borders(at: plots.Places) -> plots.Array:
-    """The borders of the cells around ascending places, half way between neighbours."""
+    """Borders of the cells around ascending places, half way between neighbours."""
     x = at.at if at.scale == "linear" else np.log2(at.at)
     middle = (x[1:] + x[:-1]) / 2
     outer = middle[[0, -1]] - x[[0, -1]] if len(x) > 1 else np.array([0.5, -0.5])
@@ -258,7 +258,7 @@ def cell_borders(at: plots.Places) -> plots.Array:
 
 
 def _norm(values: plots.Array, is_error: bool) -> colors.Normalize | None:
-    """The map from values to colours; where both signs occur each has the whole range of its own."""
+    """Map from values to colours; where both signs occur each has the whole range of its own."""
     finite = values[np.isfinite(values)]
     if finite.size and finite.min() < 0 < finite.max():
         low, high, whole = float(-finite.min()), float(finite.max()), float(np.arcsinh(1 / _LINEAR))

@@ -36,13 +36,13 @@ from .scheme_protocol import needs_areas
 
 
 def area_indices(model):
-    """The numbers of the pairs, from 0."""
+    """Numbers of the pairs, from 0."""
     return tuple(range(len(area_pairs(model))))
 
 
 @trait
 def area_count(model):
-    """The number of pairs."""
+    """Number of pairs."""
     return len(area_pairs(model))
 
 
@@ -62,7 +62,7 @@ def _groups(model):
 
 
 def connected_noises(model):
-    """The largest number of noises that are connected by pairs of :func:`area_pairs`, 0 if there are none."""
+    """Largest number of noises that are connected by pairs of :func:`area_pairs`, 0 if there are none."""
     return max(map(len, _groups(model).values()), default=0)
 
 
@@ -80,7 +80,7 @@ def group_channels(model):
 
 @device(by_type=True)
 def channels(model):
-    """The noises that are on, for a loop."""
+    """Noises that are on, for a loop."""
     if large(model):
         return lambda model: range(noises(model))
     on = noise_indices(model)
@@ -102,7 +102,7 @@ _DISTANCE = 5.7e-4  # see ``area_distance``
 
 
 def area_distance(terms, connected):
-    """The distance of drawn areas over a step from the true ones, in units of h, given the increments.
+    """Distance of drawn areas over a step from the true ones, in units of h, given the increments.
 
     In the mean square over the pairs, by the best coupling: the quadratic Wasserstein distance.  For two and three
     noises it is below 5.7e-4 m^(3/2) / n^3, by its values for n = 1 to 12 (tests/ensemble/test_area_law.py); for more,
@@ -114,7 +114,7 @@ def area_distance(terms, connected):
 
 
 def fourier_terms(model, schemes, drawn, used=None, areas="exact"):
-    """The number of terms n of the areas of steps of size `drawn`, for steps of size `used`, by default the same.
+    """Number of terms n of the areas of steps of size `drawn`, for steps of size `used`, by default the same.
 
     The areas over `used` are sums of used / drawn independent ones, with an error of at most TOLERANCE used^(3/2) in
     the root mean square.  0 if none of the schemes needs areas; GAUSSIAN where `areas`, one of :data:`HOW`, is
@@ -130,7 +130,7 @@ def fourier_terms(model, schemes, drawn, used=None, areas="exact"):
 
 
 def most_terms(model):
-    """The largest n for which the channels of the coefficients, 0 to (2 n + 1) m - 1, are below those of the tails."""
+    """Largest n for which the channels of the coefficients, 0 to (2 n + 1) m - 1, are below those of the tails."""
     return (TAILS // max(noises(model), 1) - 1) // 2
 
 
@@ -138,13 +138,13 @@ def most_terms(model):
 # then kernels contain nothing about them.
 
 
-class Areas(NamedTuple):
+class NeedsAreas(NamedTuple):
     """A scheme needs the areas."""
 
 
 @device(by_type=True)
 def areas_length(areas, model):
-    """The length of the areas of a block, in floats."""
+    """Length of the areas of a block, in floats."""
     return (lambda areas, model: 0) if is_none(areas) else (lambda areas, model: area_count(model) * LANES)
 
 
@@ -179,7 +179,7 @@ def copy_areas(areas, model, dW, copied):
 
 @device
 def area_of(model, dW, p):
-    """The lanes of pair p; an index from the end of `dW` would be tested for its sign in each lane."""
+    """Lanes of pair p; an index from the end of `dW` would be tested for its sign in each lane."""
     return dW[len(dW) - (area_count(model) - p) * LANES :]
 
 

@@ -72,12 +72,12 @@ def smallest_component(b):
 
 @unrolled(each="1.0 if indices[i] == j else 0.0")
 def unit(indices, j):
-    """The unit vector e_j, given (0, ..., d-1)."""
+    """Unit vector e_j, given (0, ..., d-1)."""
 
 
 @device
 def drift_field(model, y):
-    """The drift: B(y) grad H(y) plus the dissipation."""
+    """Drift: B(y) grad H(y) plus the dissipation."""
     return add_dissipation(model, structure(model, y, drift_gradient(model, y)), 1.0, y)
 
 

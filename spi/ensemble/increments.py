@@ -1,4 +1,4 @@
-"""The noise of a block of paths: the increments of Wiener processes over steps of all sizes, and coins.
+"""Noise of a block of paths: the increments of Wiener processes over steps of all sizes, and coins.
 
 They come from a stream of keyed random numbers, from arrays, or from Sobol' points.  A row of increments has those over
 a whole step, and behind them, where a scheme needs sub-steps, those over its halves, quarters, ..., see
@@ -32,7 +32,7 @@ from ..numerics.rng import (
     toss,
 )
 from ..numerics.sobol import BITS, SCRAMBLES, direction_numbers, net_normals, net_words, scramble
-from .areas import Areas, area_count, area_of, areas_length, channels, copy_areas, draw_areas, join_areas
+from .areas import NeedsAreas, area_count, area_of, areas_length, channels, copy_areas, draw_areas, join_areas
 from .lanes import aligned, over_lanes
 from .protocol import area_pairs, noise_indices, noises
 from .scheme_protocol import judges, needs_areas, substeps, tosses
@@ -48,7 +48,7 @@ def in_one_call(noise, scheme, model, times, first, blocks, end):
 
 
 def as_many_blocks(noise, model, times):
-    """The number of blocks whose noise fits into memory: any number, since it is drawn step by step."""
+    """Number of blocks whose noise fits into memory: any number, since it is drawn step by step."""
     return 2**62
 
 
@@ -58,21 +58,21 @@ def itself(noise):
 
 
 class RandomStream(NamedTuple):
-    """The random numbers of a 64-bit seed and one of the streams of ``spi.numerics.rng``, both as uint64."""
+    """Random numbers of a 64-bit seed and one of the streams of ``spi.numerics.rng``, both as uint64."""
 
     seed: np.uint64
     stream: np.uint64
 
     @property
     def keys(self):
-        """The stream of which the random numbers of these paths are functions: itself."""
+        """Stream of which the random numbers of these paths are functions: itself."""
         return self
 
     for_a_trial, most_blocks, pieces = property(itself), as_many_blocks, in_one_call
 
 
 def brownian(seed):
-    """The increments of the paths of a seed."""
+    """Increments of the paths of a seed."""
     return RandomStream(np.uint64(seed), np.uint64(BROWNIAN))
 
 
@@ -92,7 +92,7 @@ class Uniforms(NamedTuple):
 
 @device(by_type=True)
 def coins_length(layout, model):
-    """The length of a row of coins, in floats."""
+    """Length of a row of coins, in floats."""
     if class_of(layout) is Uniforms:
         return lambda layout, model: (1 + 4 * (noises(model) // 4 + 1)) * LANES
     return lambda layout, model: LANES
@@ -134,7 +134,7 @@ def turn_coins(layout, coins, source, target):
 
 
 class Kept(NamedTuple):
-    """The parts of a row besides the increments over the step, a constant of compiled code."""
+    """Parts of a row besides the increments over the step, a constant of compiled code."""
 
     substeps: Any  #: into which it is resolved: one of INDICES, or a number of compositions as data
     areas: Any  #: ``areas.Areas``, None without
@@ -143,21 +143,21 @@ class Kept(NamedTuple):
 
 @device(by_type=True)
 def kept_of_steps(reference_scheme, scheme, model):
-    """The :class:`Kept` of the rows that serve the scheme and the one that makes the reference, if there is one."""
+    """:class:`Kept` of the rows that serve the scheme and the one that makes the reference, if there is one."""
     schemes = [each for each in (reference_scheme, scheme) if not is_none(each)]
     areas = bool(area_pairs(model)) and any(map(needs_areas, schemes))
     coins = Coins() if areas or any(map(tosses, schemes)) else None
     coins = Uniforms() if any(map(judges, schemes)) else coins
     if any(isinstance(class_of(each).substeps, FieldOf) for each in schemes if hasattr(class_of(each), "substeps")):
-        areas = Areas() if areas else None
+        areas = NeedsAreas() if areas else None
         return lambda reference_scheme, scheme, model: Kept(most_substeps(reference_scheme, scheme), areas, coins)
-    layout = Kept(INDICES[max(map(substeps, schemes))](), Areas() if areas else None, coins)
+    layout = Kept(INDICES[max(map(substeps, schemes))](), NeedsAreas() if areas else None, coins)
     return lambda reference_scheme, scheme, model: layout
 
 
 @device(by_type=True)
 def most_substeps(reference_scheme, scheme):
-    """The number of sub-steps that serves both schemes, known when the kernel runs."""
+    """Number of sub-steps that serves both schemes, known when the kernel runs."""
     if is_none(reference_scheme):
         return lambda reference_scheme, scheme: substeps(scheme)
     return lambda reference_scheme, scheme: max(substeps(reference_scheme), substeps(scheme))
@@ -165,7 +165,7 @@ def most_substeps(reference_scheme, scheme):
 
 @device
 def row_length(layout, model):
-    """The length in floats of a row: increments of a block over a step and its sub-steps, and areas."""
+    """Length in floats of a row: increments of a block over a step and its sub-steps, and areas."""
     return (2 * number(layout.substeps) - 1) * noises(model) * LANES + areas_length(layout.areas, model)
 
 
@@ -188,7 +188,7 @@ HALVINGS = 6  #: of a step, of which no scheme has more sub-steps than 64
 
 
 def clipped_variance(h):
-    """The variance that a standard normal number has left where it is clipped to [-a, a], a = A_h; 0 from h = 1 on.
+    """Variance that a standard normal number has left where it is clipped to [-a, a], a = A_h; 0 from h = 1 on.
 
     Rounded to 40 bits, so that last digits of the library's functions do not matter.
     """
@@ -199,7 +199,7 @@ def clipped_variance(h):
 
 @device
 def node(model, j):
-    """The place in a row of the increments over sub-step number j: the step itself, its halves, quarters, ..., in turn.
+    """Place in a row of the increments over sub-step number j: the step itself, its halves, quarters, ..., in turn.
 
     Sub-step `part` of n has the number j = n - 1 + part, and the halves 2 j + 1 and 2 j + 2.
     """
@@ -208,13 +208,13 @@ def node(model, j):
 
 @device
 def first_lane(model, k, n, part):
-    """The place in a row of the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ..."""
+    """Place in a row of the increments of noise k over sub-step `part` = 0, ..., n - 1 of n = 1, 2, 4, ..."""
     return node(model, n - 1 + part) + k * LANES
 
 
 @device
 def nodes(layout):
-    """The number of the sub-steps of all sizes."""
+    """Number of the sub-steps of all sizes."""
     return 2 * number(layout.substeps) - 1
 
 
@@ -299,7 +299,7 @@ def join_halves(layout, model, dW, first):
 
 @device(by_type=True)
 def reversed_row(layout, model, dW, row, turned):
-    """The number of a row with the increments of `row`, those of sub-steps in reversed order: `turned`."""
+    """Number of a row with the increments of `row`, those of sub-steps in reversed order: `turned`."""
     return _reversed_row if is_divided(layout) else (lambda layout, model, dW, row, turned: row)
 
 
@@ -329,8 +329,8 @@ def truncate(layout, model, dW, clipped, bounds, stretch):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class Given(NamedTuple):
-    """The noise of some paths as arrays; of increments over n sub-steps of each step.
+class NoiseArrays(NamedTuple):
+    """Noise of some paths as arrays; of increments over n sub-steps of each step.
 
     Where a scheme needs no areas or coins their arrays have no steps.
     """
@@ -346,23 +346,23 @@ class Given(NamedTuple):
 
 
 def empty_noise(scheme, model, steps, paths):
-    """A :class:`Given` of zeros, with areas and coins where the scheme needs them."""
+    """A :class:`NoiseArrays` of zeros, with areas and coins where the scheme needs them."""
     pairs = len(area_pairs(model)) if needs_areas(scheme) else 0
     areas = np.zeros((steps, paths, pairs)) if pairs else np.zeros((0, 0, 0))
     coins = np.zeros((steps, paths)) if pairs or tosses(scheme) else np.zeros((0, 0))
-    return Given(np.zeros((steps * substeps(scheme), paths, noises(model))), areas, coins, 0)
+    return NoiseArrays(np.zeros((steps * substeps(scheme), paths, noises(model))), areas, coins, 0)
 
 
 @device(by_type=True)
 def noise_of_steps(layout, model, rows, noise, draw, block, h, terms, words):
     """Put the noise of the next STEPS_PER_DRAW steps of size h into as many rows of increments."""
-    return {Given: copy_steps, Points: place_points}.get(class_of(noise), draw_steps)
+    return {NoiseArrays: copy_steps, Points: place_points}.get(class_of(noise), draw_steps)
 
 
 @device(by_type=True)
 def coins_of_step(layout, noise, n, block, bits, coins, row):
     """Put the coins of step n into a row; `bits`, where they are drawn, stay from one step to the next."""
-    if class_of(noise) is Given:
+    if class_of(noise) is NoiseArrays:
         return copy_coins_of
     if class_of(layout) is Coins:
         return coins_of_points if class_of(noise) is Points else toss_and_read
@@ -398,7 +398,7 @@ def copy_steps(layout, model, rows, noise, draw, block, h, terms, words):
 
 @device(by_type=True)
 def words_length(noise):
-    """The words of scratch for noise; with points, there are also the normals of a block and what makes them."""
+    """Words of scratch for noise; with points, there are also the normals of a block and what makes them."""
     if class_of(noise) is Points:
         return lambda noise: STEPS_PER_DRAW * LANES + noise.increments * (LANES + 4 * PARTS)
     return lambda noise: STEPS_PER_DRAW * LANES
@@ -441,7 +441,7 @@ def copy_coins_of(layout, noise, n, block, bits, coins, row):
 
 @kernel
 def draw_noise(scheme, model, noise, h, terms, first_step, first_path, given):
-    """Fill a :class:`Given` with the noise of a run with steps of size h from `first_step` and `first_path` on."""
+    """Fill `given`, :class:`NoiseArrays`, with the noise of steps of size h from `first_step` and `first_path` on."""
     layout = kept_of_steps(None, scheme, model)
     finest = number(layout.substeps)
     steps, paths = given.dW.shape[0] // finest, given.dW.shape[1]
@@ -511,7 +511,7 @@ _FIRST, _0 = np.uint64(BITS - 1), np.uint64(0)
 
 
 class Points(NamedTuple):
-    """The noise of paths that follow scrambled points, block by block as ``spi.numerics.sobol`` says.
+    """Noise of paths that follow scrambled points, block by block as ``spi.numerics.sobol`` says.
 
     Increment n of each noise is the sum over i from ``starts[n]`` to ``starts[n + 1] - 1`` of ``weights[i]`` times the
     normal number ``columns[i]`` of this noise; there is an odd number of them, of which the last may have the weight 0.
@@ -528,7 +528,7 @@ class Points(NamedTuple):
 
     @property
     def keys(self):
-        """The stream of the random numbers that do not come from points."""
+        """Stream of the random numbers that do not come from points."""
         return RandomStream(self.seed, self.stream)
 
     for_a_trial, most_blocks, pieces = property(itself), as_many_blocks, in_one_call
@@ -562,7 +562,7 @@ def dimensions_of(scheme, reference_scheme, model, steps):
 
 
 def points_of(seed, stream, scheme, model, times):
-    """The noise :class:`Points` of the paths of a grid of times, 2^38 at most; cached, so do not change it."""
+    """Noise :class:`Points` of the paths of a grid of times, 2^38 at most; cached, so do not change it."""
     layout = kept_of_steps(times.reference_scheme, scheme, model)
     finest, steps = number(layout.substeps), times.reference_steps
     dimensions = dimensions_of(scheme, times.reference_scheme, model, steps)

@@ -32,7 +32,7 @@ def aligned(size):
 
 
 def load_lane(model, y, lane):
-    """The state of one lane as a tuple of ``dimension(model)`` floats; of an array-state model a view of the block."""
+    """State of one lane as a tuple of ``dimension(model)`` floats; of an array-state model a view of the block."""
     if large(model):
         return y[lane : dimension(model) * LANES : LANES]
     return tuple(float(y[i * LANES + lane]) for i in range(dimension(model)))

@@ -10,7 +10,7 @@ LONG = 2**14
 
 
 class LongState(Sequence):
-    """The numbers of a state, read only; equal to others by their digest."""
+    """Numbers of a state, read only; equal to others by their digest."""
 
     def __init__(self, values):
         self.values = np.ascontiguousarray(values, float).ravel()
@@ -37,5 +37,5 @@ class LongState(Sequence):
 
 
 def state_of(values):
-    """The numbers of an array as a state: a tuple of floats, or a :class:`LongState` of very many."""
+    """Numbers of an array as a state: a tuple of floats, or a :class:`LongState` of very many."""
     return tuple(np.ravel(values).tolist()) if np.size(values) <= LONG else LongState(values)

@@ -21,7 +21,7 @@ from ..numerics.rng import LANES, STEPS_PER_DRAW
 from .increments import (
     HALVINGS,
     RESCALED,
-    Given,
+    NoiseArrays,
     brownian,
     clipped_variance,
     coins_length,
@@ -62,8 +62,8 @@ BATCH_SECONDS = 0.5
 AS_TOSSED, COINS_TURNED, PAIRS_REVERSED = range(3)
 
 
-class Grid(NamedTuple):
-    """The times of one run, and its paths from large steps to small ones: number l has the step 2^doublings[l] h_ref.
+class TimeGrid(NamedTuple):
+    """Times of one run, and its paths from large steps to small ones: number l has the step 2^doublings[l] h_ref.
 
     The last path is the reference, with which others are compared.  Several may have the same step.  One with
     ``reversals[l]`` = COINS_TURNED tosses every coin to the other side; one with PAIRS_REVERSED also makes its steps in
@@ -98,7 +98,7 @@ def grid(
     area_terms=0,
     first_step=0,
 ):
-    """A :class:`Grid`, by default with one step size, and the last path made by the reference scheme.
+    """A :class:`TimeGrid`, by default with one step size, and the last path made by the reference scheme.
 
     `truncate` is UNCLIPPED, CLIPPED or RESCALED, or whether increments are clipped.
 
@@ -116,7 +116,7 @@ def grid(
     # not in the loop over steps, which would take a logarithm in every step, also where nothing is clipped
     bounds = np.array([truncation_bound(h) if truncate else 0.0 for h in lengths])
     coarser = (doublings >= np.arange(doublings[0] + 2)[:, np.newaxis]).sum(axis=1)
-    return Grid(
+    return TimeGrid(
         step,
         steps,
         doublings,
@@ -133,7 +133,7 @@ def grid(
 
 
 def nested_grid(final_time, reference_step, steps, truncate, reference_scheme, area_terms=0):
-    """The grid of a study of errors until `final_time`: `steps`, which go from large to small, and the reference."""
+    """Grid of a study of errors until `final_time`: `steps`, which go from large to small, and the reference."""
     doublings = [*(round(np.log2(h / reference_step)) for h in steps), 0]
     total = round(final_time / reference_step)
     return grid(reference_step, total, doublings, truncate, reference_scheme=reference_scheme, area_terms=area_terms)
@@ -179,7 +179,7 @@ def advance_path(reference_scheme, scheme, by_reference, model, h, dW, coins, y,
 
 
 def states_at(initial, scheme, model, times, blocks, noise=None, first=0):
-    """The states of all lanes of some blocks at y_0, as :func:`integrate` takes them."""
+    """States of all lanes of some blocks at y_0, as :func:`integrate` takes them."""
     y = block_states(initial, noise, first, blocks)
     states = np.zeros((blocks, len(times.doublings), y.shape[1] + _memory(times.reference_scheme, scheme, model)))
     states[..., : y.shape[1]] = y[:, np.newaxis]
@@ -187,7 +187,7 @@ def states_at(initial, scheme, model, times, blocks, noise=None, first=0):
 
 
 def _memory(reference_scheme, scheme, model):
-    """The memory of either scheme, in Python: :func:`largest_sizes` would be compiled for this alone."""
+    """Memory of either scheme, in Python: :func:`largest_sizes` would be compiled for this alone."""
     return max(memory_size(each, model) for each in (reference_scheme, scheme) if each is not None)
 
 
@@ -275,7 +275,7 @@ def integrate_block(scheme, model, states, grid, noise, observer, report, block,
 
 @device
 def steps_before(reversal, turn):
-    """The steps from the beginning of a step to the end of those at hand: of a pair, first 2 and then 1."""
+    """Steps from the beginning of a step to the end of those at hand: of a pair, first 2 and then 1."""
     return 2 - turn if reversal == PAIRS_REVERSED else 1
 
 
@@ -307,7 +307,7 @@ def integrate(scheme, model, states, grid, noise, observer, report, first_block,
 
 
 def arguments_of(*run):
-    """The arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left.
+    """Arguments of :func:`integrate` for some blocks from y_0 on, or from such states as it left.
 
     `run` is scheme, model, initial, times, noise, first block, blocks, end of paths, and perhaps an observer.  With a
     noise that is given as arrays they are those of the first of several calls.
@@ -353,7 +353,7 @@ def one_step(scheme, model, h, states, first=0):
 
 
 def thread_count():
-    """The number of threads that :func:`integrate` uses; OSError if Numba has no library to start them."""
+    """Number of threads that :func:`integrate` uses; OSError if Numba has no library to start them."""
     try:
         return get_num_threads()
     except ValueError as error:
@@ -383,7 +383,7 @@ def empty_report(blocks, levels):
 
 
 def add_reports(total, reports):
-    """The report `total` (levels, columns) after those of some blocks."""
+    """Report `total` (levels, columns) after those of some blocks."""
     added = total + reports.sum(axis=0)
     added[:, SUMMED:] = np.maximum(total, reports.max(axis=0, initial=0.0))[:, SUMMED:]
     return added
@@ -404,9 +404,9 @@ def move(records, y, dW, areas, coins):
     model = in_memory(told)
     paths, d = y.shape
     steps = len(dW) // substeps(scheme)
-    times = Grid(grid.reference_step, steps, *grid[2:])
+    times = TimeGrid(grid.reference_step, steps, *grid[2:])
     states, report = aligned(d * LANES).reshape(1, -1), np.zeros((1, len(REPORT)))
-    noise = Given(dW, areas, coins, 0)
+    noise = NoiseArrays(dW, areas, coins, 0)
     for block in range(-(-paths // LANES)):
         first = block * LANES
         for lane in range(LANES):

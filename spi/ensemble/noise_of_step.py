@@ -1,4 +1,4 @@
-"""The noise of one step, as the loop over time hands it to a scheme: for whoever makes that step again in Python."""
+"""Noise of one step, as the loop over time hands it to a scheme: for whoever makes that step again in Python."""
 
 from typing import Any, NamedTuple
 
@@ -13,7 +13,7 @@ from .protocol import dimension
 from .scheme_protocol import judges, needs_areas, substeps, tosses
 
 
-class Recorder(NamedTuple):
+class NoiseRecorder(NamedTuple):
     """No scheme: a step puts the noise that `scheme` would be given behind the states, as the last floats of a row."""
 
     scheme: Any
@@ -45,8 +45,8 @@ def noise_of_step(scheme, model, times, stream, block, n):
 
     They are those that ``scheme_protocol.advance`` gets, to the last bit: joined, clipped, and with coins turned.
     """
-    reference, step = times.reference_scheme, Recorder(scheme)
-    reference = None if reference is None else Recorder(reference)
+    reference, step = times.reference_scheme, NoiseRecorder(scheme)
+    reference = None if reference is None else NoiseRecorder(reference)
     with uncompiled():
         layout = kept_of_steps(reference, step, model)
         sizes = row_length(layout, model), coins_length(layout.coins, model)

@@ -1,4 +1,4 @@
-"""The record of paths besides their last states: the same type for all studies, so that they share their kernels."""
+"""Record of paths besides their last states: the same type for all studies, so that they share their kernels."""
 
 import math
 from typing import NamedTuple
@@ -87,7 +87,7 @@ SQUARES, STATES = range(2)
 
 
 class Observer(NamedTuple):
-    """The record of some blocks of paths; an array of length 0 records nothing.
+    """Record of some blocks of paths; an array of length 0 records nothing.
 
     After step n of a level, where its stride divides n, ``rows[block, place + n / stride - 1]`` is set, by `holds`:
     SQUARES, sums of |y - y_ref|^2 over every PARTS-th lane, or STATES, those of some consecutive lanes from `lane` on,
@@ -108,7 +108,7 @@ class Observer(NamedTuple):
 
 
 def last_states_only(times):
-    """The observer of a grid of times that records nothing: :func:`integrate` leaves the last states."""
+    """Observer of a grid of times that records nothing: :func:`integrate` leaves the last states."""
     steps = times.reference_steps >> times.doublings
     levels = np.stack([np.zeros_like(steps), np.zeros_like(steps), steps], axis=1)
     nothing = np.zeros((0, 0, 0))
@@ -116,7 +116,7 @@ def last_states_only(times):
 
 
 def state_recorder(times, rows, every, lane=0):
-    """The observer that puts states of lanes from `lane` on into `rows` every `every` steps of the largest size.
+    """Observer that puts states of lanes from `lane` on into `rows` every `every` steps of the largest size.
 
     `rows` is (blocks, levels * (stored + 1), d * lanes), level after level; the first states of each level, those at
     ``times.first_step``, are left as they are.
@@ -131,7 +131,7 @@ def state_recorder(times, rows, every, lane=0):
 
 
 def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
-    """The observer of Casimir functions and, if wanted, of squared distances to the reference and sizes of states."""
+    """Observer of Casimir functions and, if wanted, of squared distances to the reference and sizes of states."""
     nothing = last_states_only(times)
     levels, steps = nothing.levels, nothing.levels[:, 2]
     count, (first, rates) = len(steps), (casimirs(model, initial), decay_rates(model))
@@ -149,7 +149,7 @@ def path_observer(model, initial, times, blocks, *, squares=False, sizes=False):
 
 
 def beginning_at(observer, model, initial, states):
-    """The observer of paths that begin at `states` (blocks, levels, d * LANES or more), which differ at random."""
+    """Observer of paths that begin at `states` (blocks, levels, d * LANES or more), which differ at random."""
     if not isinstance(initial, RandomState) or not observer.extremes.size:
         return observer
     d = len(initial)

@@ -1,4 +1,4 @@
-"""The methods and traits of a model; for those of a scheme see ``scheme_protocol.py``.  Read this file first.
+"""Methods and traits of a model; for those of a scheme see ``scheme_protocol.py``.  Read this file first.
 
 The problem (the paper's eq. (1)): a stochastic Poisson system in Stratonovich form,
 
@@ -55,12 +55,12 @@ def noises(model):
 
 @trait(int)
 def conserved(model):
-    """The number of Casimir functions."""
+    """Number of Casimir functions."""
 
 
 @trait(tuple, default=())
 def casimir_degrees(model):
-    """The degrees k of the Casimir functions where all are homogeneous, C(c y) = c^k C(y); otherwise empty."""
+    """Degrees k of the Casimir functions where all are homogeneous, C(c y) = c^k C(y); otherwise empty."""
 
 
 @trait(bool, default=True)
@@ -75,7 +75,7 @@ def squared_length_is_casimir(model):
 
 @trait(int, default=0)
 def sphere_size(model):
-    """The components of each sphere on which the state moves, one sphere after the other; 0 if it is not of spheres."""
+    """Components of each sphere on which the state moves, one sphere after the other; 0 if it is not of spheres."""
 
 
 @trait(bool, default=False)
@@ -143,12 +143,12 @@ def component_indices(model):
 
 
 def casimir_indices(model):
-    """The numbers of the Casimir functions, from 0."""
+    """Numbers of the Casimir functions, from 0."""
     return tuple(range(conserved(model)))
 
 
 def noise_indices(model):
-    """The noises that are on, those whose sigma_k is not None; all of an array-state model."""
+    """Noises that are on, those whose sigma_k is not None; all of an array-state model."""
     if large(model):
         return tuple(range(noises(model)))
     return tuple(k for k, sigma in enumerate(field(model, "sigma")) if not is_none(sigma))
@@ -196,13 +196,13 @@ def noise_flow(model, k, t, y, angles):
 
 @method(default=True)
 def drift_angle(model, k, t, y):
-    """The largest |angle| whose sine ``drift_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
+    """Largest |angle| whose sine ``drift_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
     return 0.0
 
 
 @method(default=True)
 def noise_angle(model, k, t, y):
-    """The largest |angle| whose sine ``noise_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
+    """Largest |angle| whose sine ``noise_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
     return 0.0
 
 
@@ -259,7 +259,7 @@ def noise_hessian(model, k, y, v):
 
 @method
 def casimirs(model, y):
-    """The Casimir functions at y, a tuple (empty if there are none)."""
+    """Casimir functions at y, a tuple (empty if there are none)."""
 
 
 @method(default=True)
@@ -270,13 +270,13 @@ def add_dissipation(model, value, h, y):
 
 @method(default=True, compiled=False)
 def decay_rates(model):
-    """The rates at which the Casimir functions decay; empty where they are preserved."""
+    """Rates at which the Casimir functions decay; empty where they are preserved."""
     return ()
 
 
 @method(default=True, compiled=False)
 def in_kernels(model):
-    """The record that kernels are given; of an array-state model one with its tables, of a class with methods below."""
+    """Record that kernels are given; of an array-state model one with its tables, of a class with methods below."""
     return model
 
 
@@ -288,7 +288,7 @@ def fault(model):
 
 @method(optional=True, compiled=False)
 def at_temperature(model, temperature):
-    """The record at a temperature of a model whose friction is a part of its own flows, None without friction."""
+    """Record at a temperature of a model whose friction is a part of its own flows, None without friction."""
 
 
 @method(optional=True, compiled=False)
@@ -313,7 +313,7 @@ def function_calls(model):
 
 @method(default=True, compiled=False)
 def component_names(model):
-    """The names of the components in formulas, besides y1, y2, ...; () if they have none."""
+    """Names of the components in formulas, besides y1, y2, ...; () if they have none."""
     return ()
 
 
@@ -340,7 +340,7 @@ def report(model, y):
 
 @method(optional=True, compiled=False)
 def gibbs_law(model, temperature, sweeps):
-    """The law of initial states with density exp(-H/T), drawn in some sweeps; None for the usual number of them.
+    """Law of initial states with density exp(-H/T), drawn in some sweeps; None for the usual number of them.
 
     It has ``numbers``, ``sweeps``, ``states(z)`` and ``moved(states, seed, stream, first)``.
     """
@@ -377,7 +377,7 @@ def lie_bracket(model, v, w):
 
 @method(optional=True)
 def noise_bracket_gradient(model, j, k, y):
-    """The gradient of {Ĥ_j, Ĥ_k} = grad Ĥ_j . B grad Ĥ_k at y, j > k.
+    """Gradient of {Ĥ_j, Ĥ_k} = grad Ĥ_j . B grad Ĥ_k at y, j > k.
 
     ``fields.add_noise_bracket_gradient`` computes it from Hessians and the bracket above otherwise, which takes longer.
     """
@@ -413,17 +413,17 @@ def rotation_shear_rates(model):
 
 @method
 def block_drift_flow(array_state_model, k, t, width, y, work):
-    """The flow of H_k for the time t, in place; returns the largest |angle| of a rotation, or a bound of it."""
+    """Flow of H_k for the time t, in place; returns the largest |angle| of a rotation, or a bound of it."""
 
 
 @method
 def block_noise_flow(array_state_model, group, times, width, y, work):
-    """The flow of the noises of a group, noise k of state j for the time times[k * width + j], in place; likewise."""
+    """Flow of the noises of a group, noise k of state j for the time times[k * width + j], in place; likewise."""
 
 
 @method
 def noise_groups(array_state_model):
-    """The number of groups of noises, at most that of noises."""
+    """Number of groups of noises, at most that of noises."""
 
 
 @method(default=True, compiled=False)
@@ -437,7 +437,7 @@ def noises_commute(array_state_model):
 
 @method
 def block_work(array_state_model):
-    """The floats of scratch for the methods of a block."""
+    """Floats of scratch for the methods of a block."""
 
 
 @method
@@ -462,7 +462,7 @@ def block_noise_slopes(array_state_model, width, y, slopes, work):
 
 @method(default=True)
 def block_friction_times(array_state_model, t, width, y, times, work):
-    """The times of the noise flows that replace friction over the time t, as ``block_noise_flow`` takes them.
+    """Times of the noise flows that replace friction over the time t, as ``block_noise_flow`` takes them.
 
     To order 2 the flow of all friction together, where these flows act in one order in one half of a step and in the
     reverse order in the other half.
@@ -471,12 +471,12 @@ def block_friction_times(array_state_model, t, width, y, times, work):
 
 @trait(int, default=0)
 def frictions(array_state_model):
-    """The number of flows of friction of a model whose friction is not along its noises."""
+    """Number of flows of friction of a model whose friction is not along its noises."""
 
 
 @method(default=True)
 def block_friction_flow(array_state_model, k, t, width, y, work):
-    """The flow number k of these for the time t, in place."""
+    """Flow number k of these for the time t, in place."""
 
 
 @method(optional=True)
@@ -510,7 +510,7 @@ INNER_METHODS = ("midpoint", "munthe_kaas")
 
 @trait(tuple, default=())
 def inexact_pieces(model):
-    """The numbers k of the pieces H_k whose flows are not known in closed form; ``drift_flow`` is not called for them.
+    """Numbers k of the pieces H_k whose flows are not known in closed form; ``drift_flow`` is not called for them.
 
     Such a model has ``piece_gradient`` and ``piece_hessian`` for them.
     """
@@ -518,7 +518,7 @@ def inexact_pieces(model):
 
 @trait(tuple, default=())
 def inexact_noises(model):
-    """The numbers k of the noises whose flows are not known in closed form; ``noise_flow`` is not called for them."""
+    """Numbers k of the noises whose flows are not known in closed form; ``noise_flow`` is not called for them."""
 
 
 @trait(str, default="")
@@ -573,14 +573,14 @@ def joint_noises(model):
 
 
 def joined_noises(model, k):
-    """The noises of :func:`joint_noises` of piece k, the ones that are off included."""
+    """Noises of :func:`joint_noises` of piece k, the ones that are off included."""
     noises_of_pieces = joint_noises(model)
     return noises_of_pieces[k] if k < len(noises_of_pieces) else ()
 
 
 @trait
 def most_joined(model):
-    """The largest number of noises of one piece in :func:`joint_noises`."""
+    """Largest number of noises of one piece in :func:`joint_noises`."""
     return max(map(len, joint_noises(model)), default=0)
 
 
@@ -606,7 +606,7 @@ def joint_flow(model, k, t, s, y, angles):
 
 @method(optional=True)
 def joint_angle(model, k, t, s, y):
-    """The largest |angle| whose sine ``joint_flow(model, k, t, s, y, ...)`` takes; 0 for a flow without angles."""
+    """Largest |angle| whose sine ``joint_flow(model, k, t, s, y, ...)`` takes; 0 for a flow without angles."""
 
 
 @method(optional=True)
@@ -663,7 +663,7 @@ def friction_after(c, t, slope, bend):
 
 @trait(tuple, default=())
 def linear_friction(model):
-    """The numbers of the noises along which friction is linear: X_k X_k H is a number, the same at all states.
+    """Numbers of the noises along which friction is linear: X_k X_k H is a number, the same at all states.
 
     With g'' = X_k X_k H friction and noise over the time t are then one Ornstein-Uhlenbeck flow, s' = -c_k (g'(0) +
     g'' s) + sigma_k dW_k / dt.
@@ -694,7 +694,7 @@ def decayed(q):
 
 @method(default=True)
 def frozen(model, begin, h):
-    """The model as a step from the time `begin` on takes it, where time stands still: itself if nothing depends on it.
+    """Model as a step from the time `begin` on takes it, where time stands still: itself if nothing depends on it.
 
     A coefficient c(t) in which H or a noise is linear takes its mean over the step, which is its value for h = 0, a
     strength sigma_k(t) its root mean square; any other t is the middle of the step.  A step of a scheme
@@ -735,12 +735,12 @@ def is_inlined(model):
 
 @trait(tuple, default=())
 def drift_tables(model):
-    """The table of each piece; () for one that ``drift_flow`` moves as a whole."""
+    """Table of each piece; () for one that ``drift_flow`` moves as a whole."""
 
 
 @trait(tuple, default=())
 def noise_tables(model):
-    """The table of each noise, likewise."""
+    """Table of each noise, likewise."""
 
 
 @trait(tuple, default=())
@@ -750,17 +750,17 @@ def friction_tables(model):
 
 @trait(int, default=0)
 def row_length(model):
-    """The length of the tuples y and of the results of :func:`shape_flow`: that of the longest row; the rest is 0."""
+    """Length of the tuples y and of the results of :func:`shape_flow`: that of the longest row; the rest is 0."""
 
 
 @method(optional=True)
 def shape_flow(model, k, t, y, angles):
-    """The components that shape number k moves, after the time t, given the components of a row as a tuple y."""
+    """Components that shape number k moves, after the time t, given the components of a row as a tuple y."""
 
 
 @method(optional=True)
 def shape_angle(model, k, t, y):
-    """The largest |angle| whose sine ``shape_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
+    """Largest |angle| whose sine ``shape_flow(model, k, t, y, ...)`` takes; 0 for a flow without angles."""
 
 
 @method(optional=True)

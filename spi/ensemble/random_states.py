@@ -28,14 +28,14 @@ class RandomState(tuple, metaclass=ABCMeta):
     parameters: dict[str, Any]
 
     def __new__(cls, state, law, parameters):
-        """The tuple of the numbers of `state`."""
+        """Tuple of the numbers of `state`."""
         result = super().__new__(cls, state)
         result.law, result.parameters = law, parameters
         return result
 
     @property
     def text(self):
-        """The law for people, such as ``gaussian, mean (0, 0, 1), sd 0.1``."""
+        """Law for people, such as ``gaussian, mean (0, 0, 1), sd 0.1``."""
         return _text(self.parameters)
 
     def __getnewargs__(self):
@@ -71,7 +71,7 @@ class LongRandomState(LongState):
 
 
 def _text(parameters):
-    """The law of these parameters for people."""
+    """Law of these parameters for people."""
     first, *others = ((key, value) for key, value in parameters.items() if value not in (None, False))
     named = (f"{key} {_shown(value)}".strip() for key, value in others if key != "digest")
     return ", ".join([first[1].replace("_", " "), *named])
@@ -95,7 +95,7 @@ class Spheres(NamedTuple):
     lengths: tuple[float, ...]
 
     def onto(self, x):
-        """The states (d, paths) in the directions x (d, paths), which are relative to the lengths."""
+        """States (d, paths) in the directions x (d, paths), which are relative to the lengths."""
         y = np.repeat(np.array(self.point)[:, np.newaxis], x.shape[1], axis=1)
         for triple in self.triples:
             a, b, c = (x[i] for i in triple)
@@ -122,11 +122,11 @@ class Gaussian(NamedTuple):
 
     @property
     def numbers(self):
-        """The number of normal numbers for a state."""
+        """Number of normal numbers for a state."""
         return len(self.mean)
 
     def states(self, z):
-        """The states (d, paths) of numbers (numbers, paths)."""
+        """States (d, paths) of numbers (numbers, paths)."""
         y = np.repeat(np.array(self.mean)[:, np.newaxis], z.shape[1], axis=1)
         for i, j, c in self.factor:
             y[i] += c * z[j]
@@ -136,7 +136,7 @@ class Gaussian(NamedTuple):
         return self.surface.onto(y / lengths[:, np.newaxis])
 
 
-class Listed(NamedTuple):
+class DrawnFromList(NamedTuple):
     """One of the states (n, d), drawn with replacement; `below` (n - 1,) are the values of an exponential number.
 
     State number i is taken where that number lies between entries i - 1 and i of `below`.
@@ -148,11 +148,11 @@ class Listed(NamedTuple):
 
     @property
     def numbers(self):
-        """The number of normal numbers for a state."""
+        """Number of normal numbers for a state."""
         return 2
 
     def states(self, z):
-        """The states (d, paths) of numbers (numbers, paths)."""
+        """States (d, paths) of numbers (numbers, paths)."""
         return self.points[np.searchsorted(self.below, 0.5 * (z[0] * z[0] + z[1] * z[1]), side="right")].T
 
 
@@ -172,7 +172,7 @@ def block_states(initial, noise, first, blocks):
 
 
 def _drawn(law, noise, first, blocks):
-    """The states (d, blocks * LANES) of the paths of some blocks, from block `first` on, that `noise` drives."""
+    """States (d, blocks * LANES) of the paths of some blocks, from block `first` on, that `noise` drives."""
     if not hasattr(law, "attempts"):
         states = law.states(normals(law.numbers, noise, 0, 1, first, blocks)[0])
         if hasattr(law, "moved"):  # a law that states reach by moving on

@@ -1,4 +1,4 @@
-"""The methods and traits of a scheme: one step of a block of paths, and its needs; see ``protocol.py`` for models."""
+"""Methods and traits of a scheme: one step of a block of paths, and its needs; see ``protocol.py`` for models."""
 
 import numpy as np
 
@@ -34,7 +34,7 @@ def move_group(scheme, array_state_model, h, width, count, states, x, new, times
 
 @method(default=True)
 def of_arrays(scheme, array_state_model):
-    """The record that kernels get in place of the scheme where states are arrays.  Called in Python only.
+    """Record that kernels get in place of the scheme where states are arrays.  Called in Python only.
 
     That of a composition of flows has a field `program` (1 or 2, flows) of :data:`FLOW`, the first flow to act first:
     those of every path, or of paths with the coin 1 and of those with the coin -1.
@@ -63,7 +63,7 @@ def judges(scheme):
 
 @trait(int, default=1)
 def substeps(scheme):
-    """The number of equal sub-steps, a power of two, into which the increments of a step must be resolved."""
+    """Number of equal sub-steps, a power of two, into which the increments of a step must be resolved."""
 
 
 @trait(bool, default=False)
@@ -73,7 +73,7 @@ def needs_areas(scheme):
 
 @method(default=True)
 def work_size(scheme, model):
-    """The floats of scratch for one block."""
+    """Floats of scratch for one block."""
     return 0
 
 
@@ -88,7 +88,7 @@ def compile_size(scheme, model):
 
 @method(default=True)
 def memory_size(scheme, model):
-    """The floats, at first 0, that a block carries from step to step behind its states in `y`."""
+    """Floats, at first 0, that a block carries from step to step behind its states in `y`."""
     return 0
 
 

@@ -37,7 +37,7 @@ class Expectations(NamedTuple):
 
 
 class Demands(NamedTuple):
-    """The rough cost of a computation by a solver."""
+    """Rough cost of a computation by a solver."""
 
     seconds: float  #: on all threads
     bytes: float  #: of memory, at most
@@ -72,7 +72,7 @@ def _solver(model, function):
 
 
 def solver_of(model, function="expectations"):
-    """The module for a model that has a function; ValueError if there is none."""
+    """Module for a model that has a function; ValueError if there is none."""
     if solver := _solver(model, function):
         return solver
     methods = [method for method in SOLVERS if hasattr(SOLVERS[method], function)]
@@ -81,7 +81,7 @@ def solver_of(model, function="expectations"):
 
 
 def demands(model, compositions, initial, final_time, steps, functions, accuracy=None):
-    """The :class:`Demands` of :func:`expectations` with these arguments, and whether it can compute them at all.
+    """:class:`Demands` of :func:`expectations` with these arguments, and whether it can compute them at all.
 
     Takes milliseconds, by the grids that the solver would choose.
     """
@@ -117,7 +117,7 @@ def exact_expectations(model, initial, final_time, functions, accuracy, **limits
 
 
 def seconds_of_equation(model, initial, final_time, functions, **limits):
-    """The seconds of :func:`exact_expectations`, roughly; takes milliseconds, as :func:`demands`."""
+    """Seconds of :func:`exact_expectations`, roughly; takes milliseconds, as :func:`demands`."""
     return solver_of(model, _OF_EQUATION).seconds_of_equation(model, initial, final_time, functions, **limits)
 
 

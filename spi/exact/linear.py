@@ -20,7 +20,7 @@ from ..ensemble.fields import drift_field, noise_field
 from ..ensemble.protocol import dimension, frozen, large, noise_indices, strengths
 
 #: Coefficients by monomials: the numbers of the components in increasing order, each as often as its power.
-Polynomial = dict[tuple[int, ...], float]
+MomentPolynomial = dict[tuple[int, ...], float]
 
 _MOST_COMPONENTS = 64
 _MOST_MONOMIALS = 20_000  # of the moments
@@ -32,14 +32,14 @@ _ROUNDING = 1e-14  # relative error of a sum of moments
 
 
 class Affine(NamedTuple):
-    """The field y -> A y + c."""
+    """Field y -> A y + c."""
 
     A: np.ndarray  #: (d, d)
     c: np.ndarray  #: (d,)
 
     @classmethod
     def of(cls, field: Any, d: int) -> "Affine | None":
-        """The affine field with the values of `field`, a function of a state, None where that is not affine."""
+        """Affine field with the values of `field`, a function of a state, None where that is not affine."""
         with np.errstate(all="ignore"):
             c = field(np.zeros(d))
             A = np.array([field(e) - c for e in np.eye(d)]).T
@@ -49,9 +49,9 @@ class Affine(NamedTuple):
                     return None
         return cls(A, c)
 
-    def along(self, f: Polynomial) -> Polynomial:
+    def along(self, f: MomentPolynomial) -> MomentPolynomial:
         """(A y + c) . grad f."""
-        total: Polynomial = {}
+        total: MomentPolynomial = {}
         for monomial, coefficient in f.items():
             for place, i in enumerate(monomial):  # each of equal factors once, so that powers come by themselves
                 rest = monomial[:place] + monomial[place + 1 :]
@@ -71,7 +71,7 @@ class Linear(NamedTuple):
 
     @classmethod
     def of(cls, model: Any) -> "Linear | None":
-        """The equation of a model if it is linear, and does not depend on time; else None."""
+        """Equation of a model if it is linear, and does not depend on time; else None."""
         if large(model) or dimension(model) > _MOST_COMPONENTS or frozen(model, 0.3, 0.0) != frozen(model, 1.1, 0.0):
             return None
         d, sigma = dimension(model), strengths(model)
@@ -91,7 +91,7 @@ class Linear(NamedTuple):
             noises = [of_field(noise_field, sigma[k], k) for k in noise_indices(model) if sigma[k]]
         return None if None in noises else cls(drift, tuple(noise for noise in noises if noise is not None))
 
-    def generator(self, f: Polynomial) -> Polynomial:
+    def generator(self, f: MomentPolynomial) -> MomentPolynomial:
         """L f."""
         total = self.drift.along(f)
         for noise in self.noises:
@@ -100,15 +100,15 @@ class Linear(NamedTuple):
         return total
 
 
-class Moments(NamedTuple):
-    """The moments that functions of the state need, and their equation m' = M m."""
+class MomentEquations(NamedTuple):
+    """Moments that functions of the state need, and their equation m' = M m."""
 
     monomials: dict[tuple[int, ...], int]  #: the number of each
     M: Any  #: sparse, (moments, moments)
     functions: np.ndarray  #: (F, moments) the functions as sums of moments
 
     @classmethod
-    def of(cls, model: Any, polynomials: Sequence[Polynomial]) -> "Moments | None":
+    def of(cls, model: Any, polynomials: Sequence[MomentPolynomial]) -> "MomentEquations | None":
         """Those of some polynomials; None where the equation is not linear, or there are too many moments."""
         if (equation := Linear.of(model)) is None:
             return None

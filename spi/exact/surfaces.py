@@ -43,7 +43,7 @@ _CLOSE = 1e-9  # relative distance of numbers that are taken for equal
 
 
 def spheres(model, point):
-    """The Casimir surface through `point`, if it is a product of spheres or ellipsoids with other components constant.
+    """Casimir surface through `point`, if it is a product of spheres or ellipsoids with other components constant.
 
     None if it is not, or if states are arrays.
     """
@@ -96,7 +96,7 @@ def structure_matrix(model, y):
 
 
 def _triples(matrix):
-    """The triples of components of which each depends on the other two only; empty if there are other groups."""
+    """Triples of components of which each depends on the other two only; empty if there are other groups."""
     acting = np.abs(matrix) > 0.0
     triples = []
     for i in np.flatnonzero(acting.any(axis=1)):
@@ -109,7 +109,7 @@ def _triples(matrix):
 
 
 def _turned(triple):
-    """The three cyclic permutations."""
+    """Three cyclic permutations."""
     a, b, c = triple
     return (a, b, c), (b, c, a), (c, a, b)
 
@@ -130,7 +130,7 @@ def polynomial(f, d):
 
 
 def value_of(c, b, A, y):
-    """The values (n,) of c + b.y + y.Ay/2 at states (d, n)."""
+    """Values (n,) of c + b.y + y.Ay/2 at states (d, n)."""
     return c + b @ y + 0.5 * (y * (A @ y)).sum(axis=0)
 
 

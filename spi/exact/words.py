@@ -4,7 +4,7 @@ from collections import Counter
 
 
 def acting_on_functions(flows, active):
-    """The flows of a composition in the order in which they act on functions, those left out that are not active.
+    """Flows of a composition in the order in which they act on functions, those left out that are not active.
 
     `flows` are ("drift", "noise" or "friction", k, share of the step), `active(part, k)` says whether such a flow
     moves anything.

@@ -1,4 +1,4 @@
-"""The progress of work without paths: the code that works counts seconds of typical speed, which are reported.
+"""Progress of work without paths: the code that works counts seconds of typical speed, which are reported.
 
     with reporting_to(report):              # the caller, who wants reports
         with work("solving", seconds):      # the whole work, with its predicted seconds
@@ -23,7 +23,7 @@ _NEARLY = 0.98
 
 
 class Work(NamedTuple):
-    """The state of work in progress."""
+    """State of work in progress."""
 
     title: str
     done: float  #: seconds of typical speed
@@ -32,7 +32,7 @@ class Work(NamedTuple):
 
     @property
     def share(self) -> float:
-        """The share that is done, from 0 to 1."""
+        """Share that is done, from 0 to 1."""
         return self.done / self.total if self.total > 0.0 else 0.0
 
     @property
@@ -41,15 +41,15 @@ class Work(NamedTuple):
         return f"{self.title} {self.share:.0%}" if self.total > 0.0 else self.title
 
 
-Report = Callable[[Work | None], None]  #: called with the state of the work, and with None at its end
+ReportWork = Callable[[Work | None], None]  #: called with the state of the work, and with None at its end
 
 _clock = time.perf_counter
 
 
 class _Meter:
-    """The counter of one piece of work."""
+    """Counter of one piece of work."""
 
-    def __init__(self, title: str, seconds: float, done: float, report: Report) -> None:
+    def __init__(self, title: str, seconds: float, done: float, report: ReportWork) -> None:
         self.title, self.report = title, report
         self.first = self.done = done
         self.total = done + seconds
@@ -57,7 +57,7 @@ class _Meter:
         report(self.work())
 
     def work(self) -> Work:
-        """The state of this work."""
+        """State of this work."""
         counted, left = self.done - self.first, math.nan
         if counted > _KNOWN * (self.total - self.first):
             left = (_clock() - self.began) * (self.total - self.done) / counted
@@ -72,12 +72,12 @@ class _Meter:
             self.report(self.work())
 
 
-_REPORT: ContextVar[Report | None] = ContextVar("report", default=None)
+_REPORT: ContextVar[ReportWork | None] = ContextVar("report", default=None)
 _METER: ContextVar[_Meter | None] = ContextVar("meter", default=None)
 
 
 @contextlib.contextmanager
-def reporting_to(report: Report) -> Iterator[None]:
+def reporting_to(report: ReportWork) -> Iterator[None]:
     """Within the block call `report` for the work done there, at its beginning and every :data:`PAUSE` seconds."""
     before = _REPORT.set(report)
     try:

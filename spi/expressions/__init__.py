@@ -71,7 +71,7 @@ class Each(NamedTuple):
     leaves: tuple[Constant, ...] | tuple[Component, ...]
 
 
-class Terms(NamedTuple):
+class LikeTerms(NamedTuple):
     """Terms of one shape: `body`, in which an :class:`Each` stands where they differ."""
 
     body: NamedTuple
@@ -79,9 +79,9 @@ class Terms(NamedTuple):
 
 
 class Total(NamedTuple):
-    """The sum of all terms, added in pairs in an order that their number decides."""
+    """Sum of all terms, added in pairs in an order that their number decides."""
 
-    groups: tuple[Terms, ...]
+    groups: tuple[LikeTerms, ...]
 
 
 class WholePower(NamedTuple):
@@ -91,8 +91,8 @@ class WholePower(NamedTuple):
     exponent: int
 
 
-class Meaning(NamedTuple):
-    """The meaning of an operation, for arrays and as text."""
+class Notation(NamedTuple):
+    """Meaning of an operation, for arrays and as text."""
 
     array: Callable  #: of arrays
     text: str  #: in the grammar
@@ -101,15 +101,15 @@ class Meaning(NamedTuple):
 
 
 def _operation(name, *meaning):
-    """The class of the records of an operation, which are their operands, with a class attribute ``meaning``."""
-    meaning = Meaning(*meaning)
+    """Class of the records of an operation, which are their operands, with a class attribute ``meaning``."""
+    meaning = Notation(*meaning)
     cls = NamedTuple(name, [(operand, NamedTuple) for operand in "ab"[: len(meaning.operands)]])
     cls.meaning = meaning
     return cls
 
 
 def _arctangent(x):
-    """The angle of tangent x, by the reductions and the polynomial of the library fdlibm."""
+    """Angle of tangent x, by the reductions and the polynomial of the library fdlibm."""
     t = np.abs(x)
     near = np.searchsorted(_NEAR, t, "right")
     z = np.where(t < _NEAR[-1], (t - _TANGENTS[near]) / (1.0 + _TANGENTS[near] * t), -1.0 / t)
@@ -137,7 +137,7 @@ def _hyperbolic_cosine(x):
 
 def _hyperbolic_sine(x):
     """sinh x = tanh x cosh x."""
-    return of_array(arrays.HyperbolicTangent(), x) * _hyperbolic_cosine(x)
+    return of_array(arrays.Tanh(), x) * _hyperbolic_cosine(x)
 
 
 def _compared(sign, a, b):
@@ -151,12 +151,12 @@ Product = _operation("Product", np.multiply, "{0}*{1}", 2, (2, 3))
 Quotient = _operation("Quotient", np.divide, "{0}/{1}", 2, (2, 3))
 Power = _operation("Power", arrays.power, "{0}^{1}", 3, (4, 3))
 Negative = _operation("Negative", np.negative, "-{0}", 3, (3,))
-Sine = _operation("Sine", partial(of_array, arrays.Sine()), "sin({0})", 4, (0,))
-Cosine = _operation("Cosine", partial(of_array, arrays.Cosine()), "cos({0})", 4, (0,))
-Tangent = _operation("Tangent", partial(of_array, arrays.Tangent()), "tan({0})", 4, (0,))
-HyperbolicTangent = _operation("HyperbolicTangent", partial(of_array, arrays.HyperbolicTangent()), "tanh({0})", 4, (0,))
-Exponential = _operation("Exponential", partial(of_array, arrays.Exponential()), "exp({0})", 4, (0,))
-Logarithm = _operation("Logarithm", partial(of_array, arrays.Logarithm()), "log({0})", 4, (0,))
+Sine = _operation("Sine", partial(of_array, arrays.Sin()), "sin({0})", 4, (0,))
+Cosine = _operation("Cosine", partial(of_array, arrays.Cos()), "cos({0})", 4, (0,))
+Tangent = _operation("Tangent", partial(of_array, arrays.Tan()), "tan({0})", 4, (0,))
+HyperbolicTangent = _operation("HyperbolicTangent", partial(of_array, arrays.Tanh()), "tanh({0})", 4, (0,))
+Exponential = _operation("Exponential", partial(of_array, arrays.Exp()), "exp({0})", 4, (0,))
+Logarithm = _operation("Logarithm", partial(of_array, arrays.Log()), "log({0})", 4, (0,))
 HyperbolicSine = _operation("HyperbolicSine", _hyperbolic_sine, "sinh({0})", 4, (0,))
 HyperbolicCosine = _operation("HyperbolicCosine", _hyperbolic_cosine, "cosh({0})", 4, (0,))
 ArcTangent = _operation("ArcTangent", _arctangent, "atan({0})", 4, (0,))
@@ -185,7 +185,7 @@ def _hash(a):
     return hash((type(a).__name__, *a))
 
 
-for _record in (*_LEAVES, Terms, Total, WholePower, *_SIGNS.values(), *_OF_ONE, Maximum, Minimum):
+for _record in (*_LEAVES, LikeTerms, Total, WholePower, *_SIGNS.values(), *_OF_ONE, Maximum, Minimum):
     _record.__eq__, _record.__hash__ = _equal, _hash
     _record.__ne__ = lambda a, b: not _equal(a, b)
 
@@ -195,7 +195,7 @@ for _record in (*_LEAVES, Terms, Total, WholePower, *_SIGNS.values(), *_OF_ONE, 
 
 
 class _Trees(Words, Numbers):
-    """The meaning of the grammar in trees; an expression without y stays a number.
+    """Meaning of the grammar in trees; an expression without y stays a number.
 
     `words` are further words and their values, trees or numbers, of which whole ones may stand in indices.
     """
@@ -220,14 +220,14 @@ class _Trees(Words, Numbers):
         self.records = itertools.count(1)
 
     def variable(self, name):
-        """The component x(2) of a system whose variables have indices; y(2) is the second of any other."""
+        """Component x(2) of a system whose variables have indices; y(2) is the second of any other."""
         if name in self.named or "y(" in "".join(self.named):
             return self.named.get(name)
         k = name.removeprefix("y(").removesuffix(")")
         return Component(int(k) - 1) if k.isdigit() and 1 <= int(k) <= self.dimension else None
 
     def counted(self, record):
-        """The record; NumberError if there are too many."""
+        """Record; NumberError if there are too many."""
         if next(self.records) > _MOST_RECORDS:
             raise NumberError(f"more than {_MOST_RECORDS} operations and terms of sums")
         return record
@@ -279,11 +279,11 @@ def _tree(value):
 
 
 def _total(terms):
-    """The sum of trees, those of one shape together."""
+    """Sum of trees, those of one shape together."""
     groups = {}
     for term in terms:
         groups.setdefault(_shape(term), []).append(term)
-    return Total(tuple(Terms(_merged(group), len(group)) for group in groups.values()))
+    return Total(tuple(LikeTerms(_merged(group), len(group)) for group in groups.values()))
 
 
 def _shape(e):
@@ -296,7 +296,7 @@ def _shape(e):
 
 
 def _merged(trees):
-    """The body of trees of one shape."""
+    """Body of trees of one shape."""
     first = trees[0]
     if isinstance(first, Constant | Component):
         return first if len(set(map(repr, trees))) == 1 else Each(tuple(trees))
@@ -315,7 +315,7 @@ def _term(e, k):
 
 
 def terms_of(total):
-    """The terms of a sum."""
+    """Terms of a sum."""
     return [_term(group.body, k) for group in total.groups for k in range(group.count)]
 
 
@@ -353,7 +353,7 @@ def _power(a, exponent):
 
 
 def parse_expression(text, dimension, names=(), words=None):
-    """The tree of an expression in y1, ..., y_dimension; NumberError, with a short reason, if it is none.
+    """Tree of an expression in y1, ..., y_dimension; NumberError, with a short reason, if it is none.
 
     The components may also be called by the `names` that the system gives them; `words` has the values of others.
     """
@@ -376,12 +376,12 @@ def is_constant(expression):
 
 
 def canonical(expression):
-    """The text of a tree, from which ``parse_expression`` makes the same tree."""
+    """Text of a tree, from which ``parse_expression`` makes the same tree."""
     return _written(expression, 0)
 
 
 def _written(expression, binds):
-    """The text of a tree, in parentheses if it binds less tightly than `binds`."""
+    """Text of a tree, in parentheses if it binds less tightly than `binds`."""
     if isinstance(expression, Constant):
         own, text = 3 if math.copysign(1.0, expression.value) < 0.0 else 4, repr(expression.value)
         text = text if text == "-0.0" else text.removesuffix(".0")
@@ -448,7 +448,7 @@ def _singular_part(operation):
 
 
 def _added(terms):
-    """The sum along the first axis in pairs: the order does not depend on the other axes, as that of NumPy does."""
+    """Sum along the first axis in pairs: the order does not depend on the other axes, as that of NumPy does."""
     while len(terms) > 1:
         half, odd = divmod(len(terms), 2)
         pairs = terms[:half] + terms[half : 2 * half]
@@ -457,7 +457,7 @@ def _added(terms):
 
 
 def as_numpy(expression):
-    """The function phi(y) of arrays y of shape (d, ...) with values of shape (...).
+    """Function phi(y) of arrays y of shape (d, ...) with values of shape (...).
 
     Its attribute ``singular`` has such functions of its :func:`singular_parts`, each with its ``power``.
     """
@@ -602,7 +602,7 @@ def _range_of_power(a: Range, exponent: int) -> Range:
 
 
 def _increasing(function: Any, a: Range) -> Range:
-    """The range of an increasing function over `a`; infinity where it overflows or is not defined."""
+    """Range of an increasing function over `a`; infinity where it overflows or is not defined."""
 
     def at(x: float, beyond: float) -> float:
         try:

@@ -32,7 +32,7 @@ class NumberError(ValueError):
 
 
 def parse(text: str) -> int | float | complex:
-    """The value of arithmetic: an int, a finite float, or a complex number if ``i`` occurs in it.
+    """Value of arithmetic: an int, a finite float, or a complex number if ``i`` occurs in it.
 
     Raises NumberError for everything else, such as division by zero, overflow or an unknown word.
     """
@@ -40,7 +40,7 @@ def parse(text: str) -> int | float | complex:
 
 
 def read(text: str, algebra: Any) -> Any:
-    """The value of `text` in an algebra such as :class:`Numbers`; NumberError if it has none."""
+    """Value of `text` in an algebra such as :class:`Numbers`; NumberError if it has none."""
     if len(text) > algebra.longest:
         raise NumberError(f"longer than {algebra.longest} characters")
     try:
@@ -54,7 +54,7 @@ def read(text: str, algebra: Any) -> Any:
 
 
 class Numbers:
-    """The meaning of the grammar in numbers: int, finite float, complex."""
+    """Meaning of the grammar in numbers: int, finite float, complex."""
 
     longest = 200
     compares = False  #: whether comparisons have a value
@@ -63,7 +63,7 @@ class Numbers:
     constants = MappingProxyType({"pi": math.pi, "i": 1j})
 
     def unknown(self, word: str) -> NumberError:
-        """The error about a word that is neither a function nor a constant."""
+        """Error about a word that is neither a function nor a constant."""
         near = difflib.get_close_matches(word, (*self.functions, *self.constants), 1)
         return NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
 
@@ -97,7 +97,7 @@ class _Parser:
         self.token, self.position = token, token.end()
 
     def take(self, *signs: str) -> str | None:
-        """The sign at hand if it is one of these, moving on; else None."""
+        """Sign at hand if it is one of these, moving on; else None."""
         sign = self.token["sign"]
         if sign not in signs:
             return None
@@ -176,7 +176,7 @@ class _Parser:
 
 
 def in_parentheses(text: str, start: int) -> tuple[str, int]:
-    """The text in the parentheses that open at `start`, and the position after them."""
+    """Text in the parentheses that open at `start`, and the position after them."""
     depth = 0
     for position in range(start, len(text)):
         depth += {"(": 1, ")": -1}.get(text[position], 0)
@@ -186,7 +186,7 @@ def in_parentheses(text: str, start: int) -> tuple[str, int]:
 
 
 def _finite(value: Any) -> Any:
-    """The value itself; OverflowError if it is infinite, or an int beyond the floats."""
+    """Value itself; OverflowError if it is infinite, or an int beyond the floats."""
     if isinstance(value, int):
         float(value)
     elif not cmath.isfinite(value):

@@ -27,7 +27,7 @@ _TRIALS = 4
 
 
 def polynomial(expression: Any, dimension: int, most: int) -> Polynomial | None:
-    """The polynomial of an expression in y1, ..., yd, None if it is none or has more than `most` terms on the way.
+    """Polynomial of an expression in y1, ..., yd, None if it is none or has more than `most` terms on the way.
 
     A named function, such as H, is one where it is quadratic.
     """
@@ -85,7 +85,7 @@ def _product(factors: list[Polynomial | None], most: int) -> Polynomial | None:
 
 
 def _quadratic(values: Any, d: int) -> Polynomial | None:
-    """The quadratic polynomial through values of a function of states (d, ...), None if the function is another one."""
+    """Quadratic polynomial through values of a function of states (d, ...), None if the function is another one."""
     one = np.eye(d)
     pairs = list(itertools.combinations(range(d), 2))
     states = np.vstack([np.zeros((1, d)), one, -one, *(one[[i]] + one[[j]] for i, j in pairs)]).T

@@ -48,11 +48,11 @@ def taken_name(variables: Iterable[str]) -> tuple[str, str] | None:
     return next(((name, meaning) for name, meaning in found if meaning), None)
 
 
-Algebra = TypeVar("Algebra", bound="Words")
+AnyWords = TypeVar("Algebra", bound="Words")
 
 
 class Words:
-    """The part of an algebra that gives these words their meaning.
+    """Part of an algebra that gives these words their meaning.
 
     `families` are the names before the parentheses of variables with indices, `indices` the words with whole values:
     sizes and the indices of ranges, which may hide the words in `hidden`.  :meth:`total` adds terms, :meth:`several`
@@ -79,13 +79,13 @@ class Words:
         return inner
 
     def unknown(self, word: str) -> NumberError:
-        """The error about a word without a meaning."""
+        """Error about a word without a meaning."""
         words = [*self.constants, *(family for family in self.families if family != word), *self.functions]
         near = difflib.get_close_matches(word, words, 1)
         return NumberError(f"unknown word '{word}'" + (f", did you mean '{near[0]}'?" if near else ""))
 
     def call(self, word: str, inside: str) -> Any:
-        """The value of a word with this text in parentheses; NotImplemented for a function of one argument."""
+        """Value of a word with this text in parentheses; NotImplemented for a function of one argument."""
         if word == "sum":
             return self.total([read(body, algebra) for body, algebra in entries(inside, self)])
         if word == "mod":
@@ -106,7 +106,7 @@ class Words:
 
 
 class _Indices(Words, Numbers):
-    """The meaning of the grammar in whole numbers, with fractions on the way."""
+    """Meaning of the grammar in whole numbers, with fractions on the way."""
 
     def __init__(self, indices: Mapping[str, int]) -> None:
         self.indices, self.constants = indices, indices  # type: ignore[assignment]
@@ -126,7 +126,7 @@ class _Indices(Words, Numbers):
 
 
 def whole(text: str, algebra: Words) -> int:
-    """The whole number that an index stands for."""
+    """Whole number that an index stands for."""
     value = read(text, _Indices(algebra.indices))
     if value != int(value):
         raise NumberError(f"'{text.strip()}' is not an integer")
@@ -134,16 +134,16 @@ def whole(text: str, algebra: Words) -> int:
 
 
 def indexed(word: str, inside: str, algebra: Words) -> str:
-    """The name of a variable with indices: x(i, 2) with i = 1 is "x(1,2)"."""
+    """Name of a variable with indices: x(i, 2) with i = 1 is "x(1,2)"."""
     return f"{word}({','.join(str(whole(part, algebra)) for part in parts(inside))})"
 
 
-def entries(text: str, algebra: Algebra) -> list[tuple[str, Algebra]]:
-    """The texts in an entry such as ``x(i)^2, y(i) for i = 1..n``, each with the values of its indices."""
+def entries(text: str, algebra: AnyWords) -> list[tuple[str, AnyWords]]:
+    """Texts in an entry such as ``x(i)^2, y(i) for i = 1..n``, each with the values of its indices."""
     return [(part, inner) for body, inner in repeated(text, algebra) for part in parts(body)]
 
 
-def repeated(text: str, algebra: Algebra) -> Iterator[tuple[str, Algebra]]:
+def repeated(text: str, algebra: AnyWords) -> Iterator[tuple[str, AnyWords]]:
     """(body, algebra with the indices bound) for ``body for i = a..b, j = c..d``; a text without ``for`` once."""
     separator = re.search(r"\bfor\b", outside(text))
     if not separator:
@@ -223,12 +223,12 @@ def written_out(functions: Mapping[str, Any], words: Container[str]) -> dict[str
 
 
 def parts(text: str, separators: str = ",") -> list[str]:
-    """The parts of a text between separators outside of parentheses."""
+    """Parts of a text between separators outside of parentheses."""
     ends = [n for n, c in enumerate(outside(text)) if c in separators]
     return [text[start + 1 : end] for start, end in zip([-1, *ends], [*ends, len(text)], strict=True)]
 
 
 def outside(text: str) -> str:
-    """The text with all that stands in parentheses, and these, replaced by characters without a meaning."""
+    """Text with all that stands in parentheses, and these, replaced by characters without a meaning."""
     depth = itertools.accumulate({"(": 1, ")": -1}.get(c, 0) for c in text)
     return "".join("\0" if d or c == ")" else c for c, d in zip(text, depth, strict=True))

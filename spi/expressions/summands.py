@@ -1,4 +1,4 @@
-"""The summands of an expression whose rare values the others may hide.
+"""Summands of an expression whose rare values the others may hide.
 
 Of q + 100 (q > c) no sample may show that the second summand is 100 now and then: it has to be looked at by itself.
 """
@@ -31,7 +31,7 @@ _MOST = 8  # summands that are looked at one by one
 
 
 def hidden_summands(expression: Any) -> list[Any]:
-    """The summands of an expression that are no polynomials, sines or cosines, where it has other summands beside them.
+    """Summands of an expression that are no polynomials, sines or cosines, where it has other summands beside them.
 
     Products with sums are multiplied out, so that q (1 + 100 (q > c)) has q 100 (q > c).  More than _MOST are one sum.
     """
@@ -40,7 +40,7 @@ def hidden_summands(expression: Any) -> list[Any]:
 
 
 def unbounded_rest(expression: Any) -> Any | None:
-    """The sum without those of :func:`hidden_summands` whose range is known; None where there are none, or no others.
+    """Sum without those of :func:`hidden_summands` whose range is known; None where there are none, or no others.
 
     Of q + 100 (q > c) that is q.
     """
@@ -56,7 +56,7 @@ def _hidden(expression: Any) -> list[Any]:
 
 
 def _multiplied_out(part: Any) -> list[Any]:
-    """The terms of a product in which a factor that is a sum gives more than one that is not constant."""
+    """Terms of a product in which a factor that is a sum gives more than one that is not constant."""
     if isinstance(part, Quotient) and _is_fixed(part.b):
         part = part.a
     if not isinstance(part, Product):
@@ -71,7 +71,7 @@ def _multiplied_out(part: Any) -> list[Any]:
 
 
 def _summands(expression: Any) -> list[Any]:
-    """The terms of a sum, also of a multiple of one; of another expression this alone."""
+    """Terms of a sum, also of a multiple of one; of another expression this alone."""
     if isinstance(expression, Sum):
         return [*_summands(expression.a), *_summands(expression.b)]
     if isinstance(expression, Difference):

@@ -18,7 +18,7 @@ _DEEPEST = 50  # functions within functions; the recursions of SymPy end somewhe
 
 
 class Exact(Words):
-    """The meaning of the grammar in expressions of sympy; `indices` are words with whole values, sizes and indices."""
+    """Meaning of the grammar in expressions of sympy; `indices` are words with whole values, sizes and indices."""
 
     longest = 20_000
     compares = True
@@ -62,7 +62,7 @@ class Exact(Words):
 
 
 def expression(text: str, algebra: Exact) -> Any:
-    """The expression that a text stands for; NumberError, with a short reason, if it is none."""
+    """Expression that a text stands for; NumberError, with a short reason, if it is none."""
     value = read(text, algebra)
     if value.has(sympy.I, sympy.zoo, sympy.nan, sympy.oo):
         raise NumberError("it has no finite real value")

@@ -1,4 +1,4 @@
-"""The kinds of experiment, one folder each: those of the core, and those that plug-ins offer.
+"""Kinds of experiment, one folder each: those of the core, and those that plug-ins offer.
 
 A kind is a folder, or one file, with four modules, which are imported when they are first needed:
 
@@ -20,7 +20,7 @@ from ..plugins import Registry
 
 
 class Folder:
-    """The modules of a folder, imported when they are first needed; `package` is its dotted name."""
+    """Modules of a folder, imported when they are first needed; `package` is its dotted name."""
 
     MODULES: tuple[str, ...]
 
@@ -35,7 +35,7 @@ class Folder:
 
 
 class Kind(Folder):
-    """The modules of a kind of experiment, ``kind.keys`` and so on."""
+    """Modules of a kind of experiment, ``kind.keys`` and so on."""
 
     MODULES = ("keys", "study", "results", "figure")
 

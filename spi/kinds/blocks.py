@@ -11,7 +11,7 @@ import numpy as np
 from spi.compiler.inlining import is_loaded
 from spi.compiler.timing import compiling
 from spi.ensemble import loop
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, Grid, integrated, thread_count
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, TimeGrid, integrated, thread_count
 from spi.ensemble.observer import state_recorder
 from spi.ensemble.protocol import dimension, large
 from spi.ensemble.random_states import RandomState, block_states
@@ -23,7 +23,7 @@ from spi.statistics.estimators import ROUND, group_counts, jackknife_stderr, mea
 from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
 from spi.storage.stored import Array, Described, array
 
-from .plans import Cost, Done, PathsPlan, Plan, State
+from .plans import Done, PartCost, PathsPlan, Plan, State
 
 
 def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[Any], int], most: int) -> Iterator[Any]:
@@ -45,7 +45,7 @@ BATCH_BYTES = 64e6  #: of the contributions of a batch
 
 
 class _Batch(NamedTuple):
-    """The state of a path set after a batch."""
+    """State of a path set after a batch."""
 
     block: int  #: the next one
     sums: Any  #: of the chunk of the last block
@@ -53,36 +53,36 @@ class _Batch(NamedTuple):
 
 
 class Blockwise(Plan):
-    """The base of all plans that sum up paths block after block."""
+    """Base of all plans that sum up paths block after block."""
 
     sums: ClassVar[type[Sums]]  #: what is summed up
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums over a path set, by name."""
+        """Lengths of the axes of the sums over a path set, by name."""
         raise NotImplementedError
 
     def empty(self, number: int) -> Any:
-        """The sums over no paths of a path set."""
+        """Sums over no paths of a path set."""
         return self.sums.empty(self.lengths(number))
 
     def most_blocks(self, number: int) -> int:
-        """The largest number of blocks of a path set in a batch, because of memory."""
+        """Largest number of blocks of a path set in a batch, because of memory."""
         return max(1, int(BATCH_BYTES / self.sums.bytes_of_a_block(self.lengths(number))))
 
     @property
     def most_at_once(self) -> int:
-        """The largest number of blocks of any path set in a batch, because of memory."""
+        """Largest number of blocks of any path set in a batch, because of memory."""
         return 2**62
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
-        """The contributions of `blocks` blocks of a path set from `first` on; paths from number `end` on are idle.
+        """Contributions of `blocks` blocks of a path set from `first` on; paths from number `end` on are idle.
 
         By default an array for each field of the sums, the axis of the blocks first.
         """
         raise NotImplementedError
 
     def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
-        """The sums with the contributions `at`, of which the first is that of block `first`.
+        """Sums with the contributions `at`, of which the first is that of block `first`.
 
         Times are added elsewhere.  One row after the other, so that the bits do not depend on how blocks are divided
         into batches.
@@ -90,7 +90,7 @@ class Blockwise(Plan):
         return sums.with_blocks(contributions, at, first, end)
 
     def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
-        """The sums with the time that `blocks` blocks took, from block `first` on."""
+        """Sums with the time that `blocks` blocks took, from block `first` on."""
         return sums._replace(seconds=sums.seconds + seconds, cpu_seconds=sums.cpu_seconds + cpu_seconds)
 
     def advance(self, chunks: Sequence[Chunk], started: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
@@ -136,13 +136,13 @@ class Blockwise(Plan):
 
 
 def paths_moved(model: Any, samples: int) -> int:
-    """The number of paths that make steps so that `samples` do: whole blocks, of array states only those wanted."""
+    """Number of paths that make steps so that `samples` do: whole blocks, of array states only those wanted."""
     return samples if large(model) else -(-samples // LANES) * LANES
 
 
 @dataclass(frozen=True, kw_only=True)
 class BlocksPlan(PathsPlan, Blockwise):
-    """The base of all plans with one set of paths, on one grid, that are summed up block after block."""
+    """Base of all plans with one set of paths, on one grid, that are summed up block after block."""
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths."""
@@ -150,30 +150,30 @@ class BlocksPlan(PathsPlan, Blockwise):
 
     @property
     def most_at_once(self) -> int:
-        """The largest number of blocks whose noise fits into memory."""
+        """Largest number of blocks whose noise fits into memory."""
         return int(self.stream.most_blocks(self.model, self.grid))
 
     def most_blocks(self, number: int) -> int:
-        """The largest number of blocks in a batch, because of memory."""
+        """Largest number of blocks in a batch, because of memory."""
         states = 8 * LANES * len(self.steps) * len(self.initial)
         return max(1, int(BATCH_BYTES / (states + self.sums.bytes_of_a_block(self.lengths(number)))))
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = int(self.steps.sum()) * paths_moved(self.model, self.samples)
         sums = sum(np.asarray(values).nbytes for values in self.empty(0))
         ns = steps * typical_ns(self.row, self.model) + self.blocks * LANES * _ns_to_draw(self.initial)
-        return Cost(steps, 1e-9 * ns, int(BATCH_BYTES) + sums)
+        return PartCost(steps, 1e-9 * ns, int(BATCH_BYTES) + sums)
 
     def integrated(self, first: int, blocks: int, end: int, *observer: Any) -> tuple[np.ndarray, np.ndarray]:
-        """The states of some blocks after the last step, and the reports of the scheme."""
+        """States of some blocks after the last step, and the reports of the scheme."""
         states, report = integrated(
             self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, *observer
         )
         return states, report
 
     def recorded(self, first: int, blocks: int, end: int, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
-        """The states of some blocks at t = 0 and after every so many steps of the largest size, and the reports.
+        """States of some blocks at t = 0 and after every so many steps of the largest size, and the reports.
 
         The states are (blocks, levels * stored, d * LANES), those of one step size behind those of another.
         """
@@ -183,7 +183,7 @@ class BlocksPlan(PathsPlan, Blockwise):
         return y, self.integrated(first, blocks, end, state_recorder(self.grid, y, every))[1]
 
     def ns_per_step(self, sums: Any) -> float:
-        """The processor time of a step and path, by that of the paths of the sums at all step sizes, :func:`ns_of`."""
+        """Processor time of a step and path, by that of the paths of the sums at all step sizes, :func:`ns_of`."""
         return ns_of(sums.cpu_seconds, int(self.steps.sum()) * sums.paths)
 
     def stderr(self, sums: Any) -> float:
@@ -234,7 +234,7 @@ POWERS = 4  #: number of powers of quantities that are summed up
 
 
 def values_of_blocks(
-    p: Plan, grid: Grid, stream: Any, first_block: int, blocks: int, samples: int
+    p: Plan, grid: TimeGrid, stream: Any, first_block: int, blocks: int, samples: int
 ) -> tuple[np.ndarray, np.ndarray]:
     """Integrate blocks; the values of the test functions at the end (blocks, paths, F, LANES), and the report."""
     states, report = integrated(p.scheme, p.model, p.initial, grid, stream, first_block, blocks, samples)
@@ -247,16 +247,16 @@ def values_of_blocks(
 
 
 class Sample(NamedTuple):
-    """The paths of one sample of a path set."""
+    """Paths of one sample of a path set."""
 
-    grid: Grid
+    grid: TimeGrid
     stream: Any  #: a ``RandomStream``, or the points that the paths follow
     weights: np.ndarray  #: (quantities, paths), by which the values of phi on the paths make quantities
     steps: int  #: of all paths
 
     @classmethod
-    def of(cls, grid: Grid, stream: Any, weights: Sequence[Sequence[float]]) -> "Sample":
-        """The sample whose paths are those of a grid."""
+    def of(cls, grid: TimeGrid, stream: Any, weights: Sequence[Sequence[float]]) -> "Sample":
+        """Sample whose paths are those of a grid."""
         return cls(grid, stream, np.array(weights), int((grid.reference_steps >> grid.doublings).sum()))
 
 
@@ -266,7 +266,7 @@ DIFFERENCE, VALUE = range(2)
 
 
 def two_steps(antithetic: bool) -> tuple[dict[str, Any], list[float]]:
-    """The paths of a sample with steps 2h and h, as words of :func:`spi.ensemble.loop.grid`, and weights of DIFFERENCE.
+    """Paths of a sample with steps 2h and h, as words of :func:`spi.ensemble.loop.grid`, and weights of DIFFERENCE.
 
     Antithetic paths come in pairs: within each coarse step that of the fine path makes all its flows in reversed order
     (the two increments exchanged, the coins turned), that of the coarse path turns its coin.
@@ -278,11 +278,11 @@ def two_steps(antithetic: bool) -> tuple[dict[str, Any], list[float]]:
 
 
 class SamplesPlan(Blockwise):
-    """The base of all plans that sum up powers of quantities, over samples of several paths."""
+    """Base of all plans that sum up powers of quantities, over samples of several paths."""
 
     @property
     def sets(self) -> Sequence[Sample]:
-        """The paths of a sample of each path set."""
+        """Paths of a sample of each path set."""
         raise NotImplementedError
 
     def wanted(self, extra: Any) -> np.ndarray:
@@ -290,7 +290,7 @@ class SamplesPlan(Blockwise):
         raise NotImplementedError
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
-        """The samples that are wanted for now."""
+        """Samples that are wanted for now."""
         d = dimension(self.model)
         return tuple(
             PathSet(int(samples), max(ROUND, chunk_blocks(sample.steps, d)))
@@ -298,7 +298,7 @@ class SamplesPlan(Blockwise):
         )
 
     def most_blocks(self, number: int) -> int:
-        """The largest number of blocks of a path set in a batch, because of memory."""
+        """Largest number of blocks of a path set in a batch, because of memory."""
         floats = self.sets[number].weights.shape[1] * (len(self.initial) + 4 * len(self.case.functions))
         return max(1, int(BATCH_BYTES / (8 * LANES * floats)))
 
@@ -308,7 +308,7 @@ class SamplesPlan(Blockwise):
         return values_of_blocks(self, sample.grid, sample.stream, first, blocks, end)[0]
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
-        """The quantities of some blocks of samples, `sums` (blocks, quantities, F, LANES)."""
+        """Quantities of some blocks of samples, `sums` (blocks, quantities, F, LANES)."""
         values, weights = self.values(number, first, blocks, end), self.sets[number].weights
         with np.errstate(invalid="ignore", over="ignore"):
             each = (w[:, np.newaxis, np.newaxis] * values[:, i, np.newaxis] for i, w in enumerate(weights.T))
@@ -321,7 +321,7 @@ class SamplesPlan(Blockwise):
 
 
 class Solver(Described):
-    """The report of an implicit scheme on its equations; arrays of one shape."""
+    """Report of an implicit scheme on its equations; arrays of one shape."""
 
     solves: Array = array("", "equations solved")
     iterations: Array = array("", "iterations of all solves")
@@ -353,7 +353,7 @@ def _ratio(part: np.ndarray, whole: np.ndarray, otherwise: float) -> np.ndarray:
 
 
 def reported(report: np.ndarray) -> dict[str, Any]:
-    """The fields `solver`, `acceptance` and `largest_angle` of a record, from reports (..., columns).
+    """Fields `solver`, `acceptance` and `largest_angle` of a record, from reports (..., columns).
 
     None where a scheme reports nothing of the kind.
     """

@@ -12,10 +12,9 @@ import numpy as np
 from spi.ensemble.protocol import conserved, dimension
 from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, operations, parse_expression
 from spi.expressions.arithmetic import NumberError
+from spi.numerics.types import Array
 from spi.specs.keys import listed, shown, wrong
 from spi.specs.names import Code, check_values, named_in
-
-Array = np.ndarray
 
 #: The functionals of a function of the state along a path: words of a spec, and their meanings.
 FUNCTIONALS = {
@@ -61,7 +60,7 @@ class PathFunction(NamedTuple):
         return re.fullmatch(r"C\d*", self.text) is not None and self.functional in ("", "maximum", "minimum")
 
     def along(self, values: Array, between: float) -> Array:
-        """The functional until each time, of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
+        """Functional until each time, of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
         match self.functional:
             case "maximum":
                 return np.maximum.accumulate(values, axis=1)
@@ -95,7 +94,7 @@ def check_function(case: Any, name: str, entry: Any, more: str = "", key: str = 
 
 
 def function_of(case: Any, entry: Any) -> PathFunction:
-    """The function of an entry of the key ``functions`` of a case; NumberError, with a reason, if it is none."""
+    """Function of an entry of the key ``functions`` of a case; NumberError, with a reason, if it is none."""
     return path_function(case.model, case.variables, entry, case.python)
 
 
@@ -122,7 +121,7 @@ def _path_function(
 
 
 def _difference(condition: str) -> str:
-    """The text of what is above 0 where a condition is met."""
+    """Text of what is above 0 where a condition is met."""
     sides = _CONDITION.fullmatch(condition)
     if sides is None:
         raise NumberError("not a condition such as y1 > 0.5")
@@ -131,7 +130,7 @@ def _difference(condition: str) -> str:
 
 
 def _values(tree: Any) -> Callable[[Array], Array]:
-    """The function of states that a tree stands for."""
+    """Function of states that a tree stands for."""
     if isinstance(tree, Component):
         return partial(_component, tree.k)
     return tree.values if isinstance(tree, Observable) else as_numpy(tree)

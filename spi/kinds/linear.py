@@ -5,14 +5,14 @@ from collections.abc import Sequence
 from typing import Any
 
 from spi.ensemble.protocol import dimension
-from spi.exact.linear import Moments
+from spi.exact.linear import MomentEquations
 from spi.expressions.polynomials import polynomial
 
 _MOST_TERMS = 2_000  # of a function
 
 
-def linear_moments(model: Any, trees: Sequence[Any], times: Sequence[float]) -> Moments | None:
-    """The moments that the expressions `trees` in the state need; None where they are not known by them.
+def linear_moments(model: Any, trees: Sequence[Any], times: Sequence[float]) -> MomentEquations | None:
+    """Moments that the expressions `trees` in the state need; None where they are not known by them.
 
     That is where the equation is not linear, where an expression is no polynomial, and where it would take long.
     """
@@ -23,5 +23,5 @@ def linear_moments(model: Any, trees: Sequence[Any], times: Sequence[float]) -> 
 
 
 @functools.lru_cache(maxsize=64, typed=True)  # as models of two classes may be equal tuples
-def _moments(model: Any, polynomials: tuple) -> Moments | None:
-    return Moments.of(model, [dict(each) for each in polynomials])
+def _moments(model: Any, polynomials: tuple) -> MomentEquations | None:
+    return MomentEquations.of(model, [dict(each) for each in polynomials])

@@ -29,7 +29,7 @@ def look_ns(case: Any, functions: int) -> float:
 
 
 def bytes_of(case: Any) -> int:
-    """The memory that one path takes besides what is stored of it."""
+    """Memory that one path takes besides what is stored of it."""
     return int(len(case.initial) / 3 * BYTES)
 
 
@@ -46,7 +46,7 @@ def start_of(plan: Any, path: int = 0) -> np.ndarray:
 
 
 def kernel_calls(case: Any, mover: Any) -> list[KernelCall]:
-    """The kernels that move one path, copy its states, and look at them."""
+    """Kernels that move one path, copy its states, and look at them."""
     calls = [KernelCall(*call) for call in mover.calls]
     looking = function_calls(undamped(case.model)) if is_long(case) else ()
     return [*calls, *(KernelCall(*call) for call in looking)]

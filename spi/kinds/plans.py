@@ -1,4 +1,4 @@
-"""The plans that a study hands to the run, one for each part, with the base of all plans of sampled paths.
+"""Plans that a study hands to the run, one for each part, with the base of all plans of sampled paths.
 
 A part is computed in three steps.  Its paths belong to path sets, which fall into chunks of fixed content
 (``spi.statistics.tallies``); a chunk can be computed by any process, and the sums over its paths are added in a
@@ -19,7 +19,7 @@ import numpy as np
 
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.increments import draw_paths
-from spi.ensemble.loop import Grid, arguments_of, grid, integrate, nested_grid, thread_count
+from spi.ensemble.loop import TimeGrid, arguments_of, grid, integrate, nested_grid, thread_count
 from spi.ensemble.observer import casimirs_of_states, empty_invariants, invariants
 from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
@@ -28,7 +28,7 @@ from spi.expressions import as_numpy
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.noise import parts_of, stream_of
-from spi.statistics.tallies import Chunk, PathSet, Sums, Tally, digest
+from spi.statistics.tallies import Addable, Chunk, PathSet, Tally, digest
 from spi.storage.records import Part
 from spi.storage.stored import Description, Stored
 
@@ -38,7 +38,7 @@ from spi.storage.stored import Description, Stored
 
 
 class Nothing(NamedTuple):
-    """The `extra` of a plan that has no results besides sums over paths."""
+    """`extra` of a plan that has no results besides sums over paths."""
 
     seconds: float = 0.0
 
@@ -86,24 +86,24 @@ class State:
 
     @property
     def path_sets(self) -> Sequence[PathSet]:
-        """The paths that are wanted for now."""
+        """Paths that are wanted for now."""
         return self.plan.path_sets(self.extra)
 
     def tally(self, number: int = 0) -> Tally:
-        """The sums over one path set."""
+        """Sums over one path set."""
         return self.tallies.get(number) or Tally.empty()
 
     def total(self, number: int = 0) -> Any:
-        """The sums over all paths of a path set; KeyError if some are missing."""
+        """Sums over all paths of a path set; KeyError if some are missing."""
         return self.tally(number).total(self.path_sets[number])
 
     def so_far(self, number: int = 0) -> Any:
-        """The sums over those paths of a path set that are computed."""
+        """Sums over those paths of a path set that are computed."""
         sums = self.tally(number).so_far()
         return self.plan.empty(number) if sums is None else sums
 
     def missing(self) -> list[Chunk]:
-        """The chunks that are wanted and not done, path set by path set."""
+        """Chunks that are wanted and not done, path set by path set."""
         missing = self._missing()
         for number in {chunk.path_set for chunk in missing} & self.alike.keys():
             for state, its in self.alike[number]:
@@ -119,7 +119,7 @@ class State:
             if not self.tally(number).has(chunk)
         ]
 
-    def put(self, chunk: Chunk, sums: Sums) -> None:
+    def put(self, chunk: Chunk, sums: Addable) -> None:
         """Store the sums over a chunk, so far as it is computed."""
         done = sums.paths == chunk.paths
         if done:
@@ -134,7 +134,7 @@ class State:
         return float(self.extra.seconds + sum(tally.seconds for tally in self.tallies.values()) + answers)
 
     def open_tasks(self) -> list[Task]:
-        """The tasks that are not done, once all paths are."""
+        """Tasks that are not done, once all paths are."""
         return [task for task in self.plan.tasks(self) if task.name not in self.answers]
 
     def perform(self, task: Task) -> None:
@@ -151,7 +151,7 @@ class State:
             self._take(number)
 
     def plain(self, number: int | None) -> dict[str, Any]:
-        """The sums of a path set, or for None all else, as dicts, lists, arrays, numbers and texts, for a file."""
+        """Sums of a path set, or for None all else, as dicts, lists, arrays, numbers and texts, for a file."""
         if number is None:
             return {"extra": _plain(self.extra), "answers": self.answers}
         own = self.tally(number)
@@ -209,7 +209,7 @@ class State:
         return bool(wanted.each)
 
     def _adopted(self, number: int, sums: dict[Any, Any]) -> dict[Any, Any]:
-        """The sums over paths of a path set, by any key, without those with which the plan cannot go on."""
+        """Sums over paths of a path set, by any key, without those with which the plan cannot go on."""
         adopted = {key: self.plan.adopted(number, value) for key, value in sums.items()}
         return {key: value for key, value in adopted.items() if value is not None}
 
@@ -232,7 +232,7 @@ def _check_shapes(like: Any, plain: dict[str, Any]) -> None:
 
 
 def _plain(record: Any) -> dict[str, Any]:
-    """The fields of a NamedTuple, and of those within it."""
+    """Fields of a NamedTuple, and of those within it."""
     return {name: _plain(value) if hasattr(value, "_asdict") else value for name, value in record._asdict().items()}
 
 
@@ -242,8 +242,8 @@ def _rebuilt(like: Any, plain: dict[str, Any]) -> Any:
     return type(like)(**(plain | inner))
 
 
-class Cost(NamedTuple):
-    """The cost of a part."""
+class PartCost(NamedTuple):
+    """Cost of a part."""
 
     path_steps: int  #: steps of all paths and step sizes
     seconds: float  #: of one thread at typical speed; NaN where nothing bounds the work
@@ -253,7 +253,7 @@ class Cost(NamedTuple):
 
 
 class Done(NamedTuple):
-    """The progress of a part."""
+    """Progress of a part."""
 
     done: float  #: in paths, or in seconds of typical speed
     total: float
@@ -278,19 +278,19 @@ class Plan:
 
     @classmethod
     def of(cls, case: Any, part: Part) -> Self:
-        """The plan for one part of a case."""
+        """Plan for one part of a case."""
         return cls(case=case, part=part)
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """The cost of the part, before it is run."""
         raise NotImplementedError
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
-        """The paths that are wanted for now; `extra` are the results so far besides sums over paths."""
+        """Paths that are wanted for now; `extra` are the results so far besides sums over paths."""
         raise NotImplementedError
 
-    def empty(self, number: int) -> Sums:
-        """The sums over no paths of a path set."""
+    def empty(self, number: int) -> Addable:
+        """Sums over no paths of a path set."""
         raise NotImplementedError
 
     def advance(self, chunks: Sequence[Chunk], started: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
@@ -301,20 +301,20 @@ class Plan:
         raise NotImplementedError
 
     def progress(self, state: State) -> Done:
-        """The progress of a state."""
+        """Progress of a state."""
         raise NotImplementedError
 
     def estimates(self, sums: Any) -> dict[str, Any]:
-        """The fields of the record that follow from the sums over all paths of the only path set."""
+        """Fields of the record that follow from the sums over all paths of the only path set."""
         raise NotImplementedError
 
     def results(self, state: State) -> Stored:
-        """The results, from the final state, whose sums and answers of tasks are all that they need."""
+        """Results, from the final state, whose sums and answers of tasks are all that they need."""
         return self.record(**(self.whole(state) | self.estimates(state.total())))
 
     @property
     def model(self) -> Any:
-        """The record of the model, as kernels are given it."""
+        """Record of the model, as kernels are given it."""
         return in_kernels(self.case.model)
 
     @property
@@ -340,27 +340,27 @@ class Plan:
 
     @property
     def phis(self) -> list[Callable]:
-        """The test functions of arrays of states."""
+        """Test functions of arrays of states."""
         return [as_numpy(tree) for tree in self.case.expressions]
 
     @property
     def row(self) -> Scheme:
-        """The row of the scheme in the table of schemes, with the eps of the part in its record."""
+        """Row of the scheme in the table of schemes, with the eps of the part in its record."""
         return self.case.row(self.part.scheme, self.part.eps)
 
     @property
     def scheme(self) -> Any:
-        """The record of the scheme."""
+        """Record of the scheme."""
         return self.row.record
 
     @property
     def of_paths(self) -> "Plan":
-        """The plan whose paths these are, see ``spi.running.tracing``: itself, or one that it has for them."""
+        """Plan whose paths these are, see ``spi.running.tracing``: itself, or one that it has for them."""
         return self
 
     @cached_property
     def stream(self) -> Any:
-        """The increments of the paths of the case's seed: a ``RandomStream``, or what a driver has in its place."""
+        """Increments of the paths of the case's seed: a ``RandomStream``, or what a driver has in its place."""
         return stream_of(self.case)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
@@ -385,33 +385,33 @@ class Plan:
         }
 
     def sizes(self) -> list[int]:
-        """The sizes of the part: the paths of each path set at first, or the steps of the only path."""
+        """Sizes of the part: the paths of each path set at first, or the steps of the only path."""
         return [path_set.samples for path_set in self.path_sets(self.initial_extra())]
 
-    def adopted(self, number: int, sums: Sums) -> Sums | None:
+    def adopted(self, number: int, sums: Addable) -> Addable | None:
         """Sums over paths of a path set, by this part or a similar one, as this part goes on with them; None if not."""
         return sums
 
     def description(self) -> Description:
-        """The description of the system and scheme that are integrated."""
+        """Description of the system and scheme that are integrated."""
         return Description.describe(self.case, self.row, self.part)
 
     def whole(self, state: State) -> dict[str, Any]:
-        """The fields that do not follow from sums: description, times, threads, and facts that are keys of the case."""
+        """Fields that do not follow from sums: description, times, threads, and facts that are keys of the case."""
         keys = [fact for fact in self.record.facts() if fact in type(self.case).model_fields]
         facts = {key: getattr(self.case, key) for key in keys}
         return facts | {"about": self.description(), "wall_seconds": state.seconds, "threads": thread_count()}
 
     def kernel_calls(self) -> list[KernelCall]:
-        """The calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
+        """Calls of kernels that the plan makes, with arguments of the very same types but as little work as can be.
 
         They are made before the plan is run, several at a time, so that nothing needs to be compiled later.  Other
         kernels are compiled when they are needed.
         """
         return []
 
-    def calls_of_a_step(self, times: Grid, stream: Any) -> list[KernelCall]:
-        """The kernels of the scheme and the model, which are the same for all kinds of experiments."""
+    def calls_of_a_step(self, times: TimeGrid, stream: Any) -> list[KernelCall]:
+        """Kernels of the scheme and the model, which are the same for all kinds of experiments."""
         shortest = times._replace(reference_steps=1 << int(times.doublings[0]))  # a step of each size
         initial = np.array(self.initial)
         step = arguments_of(self.scheme, self.model, initial, shortest, stream.for_a_trial, 0, 1, LANES)
@@ -428,39 +428,39 @@ class Plan:
         return None
 
     def tasks(self, state: State) -> Sequence[Task]:
-        """The work without paths that is done when all paths are, in the calling process alone."""
+        """Work without paths that is done when all paths are, in the calling process alone."""
         return ()
 
 
-def sums_of_chunk(plan: Plan, chunk: Chunk) -> Sums:
-    """The sums over one chunk, computed from its first path on."""
+def sums_of_chunk(plan: Plan, chunk: Chunk) -> Addable:
+    """Sums over one chunk, computed from its first path on."""
     for added in plan.advance([chunk], None):  # each time with more of its paths
         ((_, sums),) = added
     return sums
 
 
 def each_scheme(case: Any) -> list[Part]:
-    """The parts of a case that are computed one after the other: each scheme, with each eps that it has."""
+    """Parts of a case that are computed one after the other: each scheme, with each eps that it has."""
     return [Part(scheme, eps=eps) for scheme, eps in case.runs]
 
 
 @dataclass(frozen=True, kw_only=True)
 class PathsPlan(Plan):
-    """The base of all plans whose paths, of one scheme, are integrated on one grid."""
+    """Base of all plans whose paths, of one scheme, are integrated on one grid."""
 
     @property
     def samples(self) -> int:
-        """The number of paths."""
+        """Number of paths."""
         return int(self.case.samples)
 
     @cached_property
-    def grid(self) -> Grid:
-        """The times of the paths and their step sizes, from the largest to the smallest, which is the reference."""
+    def grid(self) -> TimeGrid:
+        """Times of the paths and their step sizes, from the largest to the smallest, which is the reference."""
         return path_grid(self.case, self.part, self.case.step)
 
     @property
     def blocks(self) -> int:
-        """The number of blocks of LANES paths, the last one perhaps partly idle."""
+        """Number of blocks of LANES paths, the last one perhaps partly idle."""
         return -(-self.samples // LANES)
 
     @property
@@ -473,8 +473,8 @@ class PathsPlan(Plan):
         return self.calls_of_a_step(self.grid, self.stream)
 
 
-def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = True) -> Grid:
-    """The times of a case's paths with steps of these sizes and of that of the reference, all on the same noise.
+def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = True) -> TimeGrid:
+    """Times of a case's paths with steps of these sizes and of that of the reference, all on the same noise.
 
     Without `areas` the areas of larger steps are those that the increments of the reference make.
     """
@@ -484,7 +484,7 @@ def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = 
     return nested_grid(case.final_time, case.reference_step, steps, case.clipping, reference, terms)
 
 
-def path_grid(case: Any, part: Part, h: float, doublings: Sequence[int] = (0,)) -> Grid:
-    """The times of a case's paths with steps of size h, and how its scheme's areas are drawn for them."""
+def path_grid(case: Any, part: Part, h: float, doublings: Sequence[int] = (0,)) -> TimeGrid:
+    """Times of a case's paths with steps of size h, and how its scheme's areas are drawn for them."""
     terms = fourier_terms(case.model, [case.row(part.scheme, part.eps).record], h, areas=case.areas)
     return grid(h, round(case.final_time / h), doublings, truncate=case.clipping, area_terms=terms)

@@ -1,4 +1,4 @@
-"""The models, one file each.  The fields of a model's record are its keys in a spec file."""
+"""Models, one file each.  The fields of a model's record are its keys in a spec file."""
 
 from typing import get_args, get_type_hints
 
@@ -25,7 +25,7 @@ def check_model_class(name, cls):
 
 
 def _offered(place):
-    """The class that a plug-in offers at "module:class"; TypeError as :func:`check_model_class`."""
+    """Class that a plug-in offers at "module:class"; TypeError as :func:`check_model_class`."""
     check_model_class(place, cls := imported(place))
     return cls
 

@@ -47,12 +47,12 @@ _NOT_FORWARDED = (
 
 
 def inner(model):
-    """The inner model of a model, or the Numba type of it."""
+    """Inner model of a model, or the Numba type of it."""
     return field(model, "model")
 
 
 def undamped(model):
-    """The record of a model without added damping and without friction at a temperature."""
+    """Record of a model without added damping and without friction at a temperature."""
     while hasattr(type(model), "answers_as_inner"):
         model = model.model
     return model
@@ -72,7 +72,7 @@ def answering_as_inner(*left_out):
 
 
 def _forwarded(member):
-    """The method that calls that of the inner model."""
+    """Method that calls that of the inner model."""
     if member.declared.of:  # also of the Numba type of a record
         return lambda model: member(inner(model))
     _, *others = inspect.signature(member).parameters
@@ -127,7 +127,7 @@ class Damped(NamedTuple):
 
 
 def damped(model, damping):
-    """The record of a model with damping, the model itself where that is 0."""
+    """Record of a model with damping, the model itself where that is 0."""
     return Damped(model, damping, model.sigma) if damping else model
 
 
@@ -224,7 +224,7 @@ class ThermalArrays(NamedTuple):
 
 @answering_as_inner()
 class ThermalTables(NamedTuple):
-    """The record of :class:`ThermalArrays` for kernels."""
+    """Record of :class:`ThermalArrays` for kernels."""
 
     model: Any
     temperature: float
@@ -251,7 +251,7 @@ class ThermalTables(NamedTuple):
         _take_friction_times(model, t, width, middle, times, work)
 
     def add_block_drift(model, t, width, y, out, work):
-        """The drift of the model and the friction."""
+        """Drift of the model and the friction."""
         times, rest = work[: model.m * WIDTH], work[model.m * WIDTH :]
         add_block_drift(model.model, t, width, y, out, rest)
         _take_friction_times(model, t, width, y, times, rest)
@@ -268,7 +268,7 @@ def _take_friction_times(model, t, width, y, times, work):
 
 
 def thermal(model, temperature):
-    """The record of a model at a temperature, the model itself where that is infinite."""
+    """Record of a model at a temperature, the model itself where that is infinite."""
     if math.isinf(temperature):
         return model
     if answers(at_temperature, model):

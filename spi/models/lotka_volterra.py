@@ -1,4 +1,4 @@
-"""The stochastic Lotka-Volterra system (the paper's first example, eq. (5)): a prey y1 and its predator y2.
+"""Stochastic Lotka-Volterra system (the paper's first example, eq. (5)): a prey y1 and its predator y2.
 
 It is not a Lie-Poisson system, B being quadratic, and has no Casimir function; the flows are explicit all the same and
 keep both populations positive.

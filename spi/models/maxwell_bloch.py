@@ -1,4 +1,4 @@
-"""The stochastic Maxwell-Bloch system of laser-matter dynamics (Example 2 and section 4.1)."""
+"""Stochastic Maxwell-Bloch system of laser-matter dynamics (Example 2 and section 4.1)."""
 
 from typing import Annotated, NamedTuple
 
@@ -51,7 +51,7 @@ class MaxwellBloch(NamedTuple):
         return y[1] * v[2] - y[2] * v[1], y[2] * v[0], -y[1] * v[0]
 
     def noise_bracket_gradient(model, j, k, y):
-        """The gradient of -y1 y2."""
+        """Gradient of -y1 y2."""
         return -y[1], -y[0], 0.0
 
     def casimirs(model, y):

@@ -1,4 +1,4 @@
-"""The stochastic rigid body (Example 3 and section 4.2): y is the angular momentum in the body frame.
+"""Stochastic rigid body (Example 3 and section 4.2): y is the angular momentum in the body frame.
 
 With three independent noises, and, for the paper's remark 4, with one Wiener process for all three.
 """
@@ -96,7 +96,7 @@ class RigidBody(NamedTuple):
         return (v[0] * c if k == 0 else 0.0, v[1] * c if k == 1 else 0.0, v[2] * c if k == 2 else 0.0)
 
     def noise_bracket_gradient(model, j, k, y):
-        """The gradient of y1 y2 y3 / (Î_j Î_k) if j = k + 1, and of minus that if j = k + 2."""
+        """Gradient of y1 y2 y3 / (Î_j Î_k) if j = k + 1, and of minus that if j = k + 2."""
         c = (1.0 / model.noise_inertia[j]) * (1.0 / model.noise_inertia[k])
         c = c if j == k + 1 else -c
         return c * (y[1] * y[2]), c * (y[2] * y[0]), c * (y[0] * y[1])

@@ -1,4 +1,4 @@
-"""The stochastic sine-Euler equations with M = 1, N = 3 (Example 4 and section 4.3): 2-D ideal fluid, truncated.
+"""Stochastic sine-Euler equations with M = 1, N = 3 (Example 4 and section 4.3): 2-D ideal fluid, truncated.
 
 omega has four independent complex modes, n = (1,0), (1,1), (0,1), (-1,1) in this order, and omega_{-n} is the complex
 conjugate; indices are understood modulo 3.  The state is (Re, Im) of the four modes, eight real components.
@@ -59,7 +59,7 @@ def _line(k, y):
 
 @device
 def _unline(k, w, z0, z1, z2):
-    """The state with these modes on the line of k."""
+    """State with these modes on the line of k."""
     if k == 0:
         return w[0], w[1], z1[0], z1[1], z0[0], z0[1], z2[0], z2[1]
     if k == 1:
@@ -107,7 +107,7 @@ def _column(k, y, v):
 
 @device
 def _conjugated(y):
-    """The complex conjugates of all modes."""
+    """Complex conjugates of all modes."""
     return y[0], -y[1], y[2], -y[3], y[4], -y[5], y[6], -y[7]
 
 

@@ -87,7 +87,7 @@ _RANGES = {"TINY_ANGLES": elementary.TINY, "SMALL_ANGLES": elementary.SMALL, "RE
 
 
 def by_size(within, squares=False):
-    """The function (largest, ...) that calls ``within(angles, ...)`` with the cheapest sines that are accurate.
+    """Function (largest, ...) that calls ``within(angles, ...)`` with the cheapest sines that are accurate.
 
     `largest` has the bits of the largest angle, or of its square.
     """

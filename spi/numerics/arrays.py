@@ -15,16 +15,16 @@ from . import elementary, functions
 
 @method
 def value(function, x):
-    """The value of an elementary function at a float."""
+    """Value of an elementary function at a float."""
 
 
 @method(default=True)
 def far_value(function, x):
-    """The value at a float where :func:`value` is not accurate, beyond 1.6e6."""
+    """Value at a float where :func:`value` is not accurate, beyond 1.6e6."""
     return value(function, x)
 
 
-class Sine(NamedTuple):
+class Sin(NamedTuple):
     """sin x."""
 
     of_numpy = np.sin
@@ -35,7 +35,7 @@ class Sine(NamedTuple):
     far_value = calling(functions.sine, "function")
 
 
-class Cosine(NamedTuple):
+class Cos(NamedTuple):
     """cos x."""
 
     of_numpy = np.cos
@@ -46,7 +46,7 @@ class Cosine(NamedTuple):
     far_value = calling(functions.cosine, "function")
 
 
-class Tangent(NamedTuple):
+class Tan(NamedTuple):
     """tan x."""
 
     of_numpy = np.tan
@@ -58,7 +58,7 @@ class Tangent(NamedTuple):
     far_value = calling(functions.tangent, "function")
 
 
-class HyperbolicTangent(NamedTuple):
+class Tanh(NamedTuple):
     """tanh x = (e^(2 |x|) - 1) / (e^(2 |x|) + 1) with the sign of x; 1 beyond 20."""
 
     of_numpy = np.tanh
@@ -69,7 +69,7 @@ class HyperbolicTangent(NamedTuple):
         return np.copysign(rest / (rest + 2.0), x)
 
 
-class Exponential(NamedTuple):
+class Exp(NamedTuple):
     """e^x."""
 
     of_numpy = np.exp
@@ -77,7 +77,7 @@ class Exponential(NamedTuple):
     value = calling(elementary.exp, "function")
 
 
-class Logarithm(NamedTuple):
+class Log(NamedTuple):
     """ln x."""
 
     of_numpy = np.log
@@ -85,7 +85,7 @@ class Logarithm(NamedTuple):
     value = calling(elementary.log, "function")
 
 
-_OF_ANGLES = (Sine, Cosine, Tangent)
+_OF_ANGLES = (Sin, Cos, Tan)
 
 
 @kernel
@@ -134,12 +134,12 @@ def power(x, exponents):
 
 def log(x):
     """ln x of an array of any shape."""
-    return of_array(Logarithm(), x)
+    return of_array(Log(), x)
 
 
 def exp(x):
     """e^x of an array of any shape."""
-    return of_array(Exponential(), x)
+    return of_array(Exp(), x)
 
 
 def whole_power(x, exponent):
@@ -151,7 +151,7 @@ def whole_power(x, exponent):
 
 
 def runge_kutta(field, y, h, steps):
-    """The state y after `steps` steps h of the classical Runge-Kutta method of order 4 for y' = field(y)."""
+    """State y after `steps` steps h of the classical Runge-Kutta method of order 4 for y' = field(y)."""
     for _ in range(steps):
         a = field(y)
         b = field(y + 0.5 * h * a)

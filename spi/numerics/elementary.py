@@ -77,12 +77,12 @@ _2_52 = np.int64(0x4330000000000000)  # the bits of 2^52
 
 
 def bits(x):
-    """The 64 bits of a float64 as a signed integer."""
+    """64 bits of a float64 as a signed integer."""
     return np.int64(struct.unpack("<q", struct.pack("<d", x))[0])
 
 
 def from_bits(i):
-    """The float64 whose bits are the signed integer `i`."""
+    """Float64 whose bits are the signed integer `i`."""
     return np.float64(struct.unpack("<d", struct.pack("<q", i))[0])
 
 
@@ -102,7 +102,7 @@ def _cast(context, builder, signature, arguments):
 
 @device
 def whole_float(i):
-    """The float64 of an integer 0 <= i < 2^52, by its bits: 256-bit vectors have no conversion of 64-bit integers."""
+    """Float64 of an integer 0 <= i < 2^52, by its bits: 256-bit vectors have no conversion of 64-bit integers."""
     return from_bits(i | _2_52) - 2.0**52
 
 

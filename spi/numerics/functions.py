@@ -79,7 +79,7 @@ def tanh(x):
 
 @device
 def arctan(x):
-    """The angle of tangent x between -pi/2 and pi/2: that of one of five tangents and the angle that is left."""
+    """Angle of tangent x between -pi/2 and pi/2: that of one of five tangents and the angle that is left."""
     t = abs(x)
     large = t > 2.4375
     c = 0.5 if t < 0.6875 else (1.0 if t < 1.1875 else 1.5)

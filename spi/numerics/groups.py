@@ -1,4 +1,4 @@
-"""The jackknife groups of paths, of which only sums are kept.
+"""Jackknife groups of paths, of which only sums are kept.
 
 Lane l of block b is in group (b mod ROUND) * PARTS + l mod PARTS.
 """
@@ -13,7 +13,7 @@ ROUND = GROUPS // PARTS  #: blocks after which all groups have had equally many 
 
 
 def group_counts(samples: int) -> np.ndarray:
-    """The numbers of paths among 0, ..., samples - 1 that are in each group, shape (GROUPS,)."""
+    """Numbers of paths among 0, ..., samples - 1 that are in each group, shape (GROUPS,)."""
     rounds, rest = divmod(samples, GROUPS * PARTS)
     blocks, lanes = divmod(rest, LANES)
     counts = np.full((GROUPS // PARTS, PARTS), rounds * (LANES // PARTS))
@@ -23,5 +23,5 @@ def group_counts(samples: int) -> np.ndarray:
 
 
 def filled_groups(samples: int) -> int:
-    """The number of groups that `samples` paths fill."""
+    """Number of groups that `samples` paths fill."""
     return int(np.count_nonzero(group_counts(samples)))

@@ -1,4 +1,4 @@
-"""The quantile function of the standard normal law, the inverse of its distribution function, to full accuracy.
+"""Quantile function of the standard normal law, the inverse of its distribution function, to full accuracy.
 
 Like those of ``elementary.py`` these functions have no branches, calls or tables, so that loops over lanes become
 vector instructions, and are within 7 units in the last place, 1e-15 relative (``tests/numerics/test_quantile.py``
@@ -12,7 +12,7 @@ from .elementary import log_normal
 
 @device
 def central_quantile(q):
-    """The z below which a standard normal number lies with probability 1/2 + q, for |q| <= 3/8: q times p(q^2)."""
+    """Z below which a standard normal number lies with probability 1/2 + q, for |q| <= 3/8: q times p(q^2)."""
     t = q * q
     p = 316959842643796.4
     p = -408203862362358.4 + t * p
@@ -41,7 +41,7 @@ def central_quantile(q):
 
 @device
 def tail_quantile(u):
-    """The z below which a standard normal number lies with probability u, for 2^-53 <= u <= 1/8.
+    """Z below which a standard normal number lies with probability u, for 2^-53 <= u <= 1/8.
 
     A quotient of polynomials in -ln u - 2 with positive coefficients.
     """

@@ -65,14 +65,14 @@ def philox(c0, c1, c2, c3, k0, k1):
 
 @device
 def words_of(seed, stream, channel, draw, block, lane):
-    """The four words of a lane of a block; all but the lane are uint64."""
+    """Four words of a lane of a block; all but the lane are uint64."""
     c2 = ((block << np.uint64(6)) & _LOW) + np.uint64(lane)
     return philox(draw, (stream << np.uint64(16)) | channel, c2, block >> np.uint64(26), seed & _LOW, seed >> _32)
 
 
 @device
 def uniform(word):
-    """The number (word + 1/2) / 2^32 of (0, 1) of a 32-bit word."""
+    """Number (word + 1/2) / 2^32 of (0, 1) of a 32-bit word."""
     return whole_float(np.int64(word)) * 2.0**-32 + 2.0**-33
 
 
@@ -94,7 +94,7 @@ def normal_pair(radius_word, angle_word, scale=1.0):
 
 @device
 def on_circle(radius, word):
-    """The point of a circle, of either sign of its radius, at the angle of a 32-bit word."""
+    """Point of a circle, of either sign of its radius, at the angle of a 32-bit word."""
     word = np.int64(word)
     radius = -radius if (word & 0x80000000) != 0 else radius
     s, v = sin_versine_small((whole_float(word & 0x3FFFFFFF) - 536870911.5) * _ANGLE)
@@ -121,7 +121,7 @@ def draw_increments(seed, stream, channel, draw, block, scale, words, increments
 
 @device
 def draw_words(seed, stream, channel, draw, block, words):
-    """The four words of the LANES paths of a block, word r of lane l at [r * LANES + l]."""
+    """Four words of the LANES paths of a block, word r of lane l at [r * LANES + l]."""
     for lane in range(LANES):
         w = words_of(seed, stream, channel, draw, block, lane)
         words[lane], words[LANES + lane], words[2 * LANES + lane], words[3 * LANES + lane] = w
@@ -129,7 +129,7 @@ def draw_words(seed, stream, channel, draw, block, words):
 
 @device
 def toss(seed, stream, draw, block, words):
-    """The bits behind the coins of the steps 128 draw, ..., 128 draw + 127, in `words` (4 * LANES uint64)."""
+    """Bits behind the coins of the steps 128 draw, ..., 128 draw + 127, in `words` (4 * LANES uint64)."""
     draw_words(seed, stream, np.uint64(0), draw, block, words)
 
 
@@ -151,7 +151,7 @@ def draw_uniforms(seed, stream, step, block, uniforms):
 
 @device
 def read_coins(words, step, coins):
-    """The coins of one step, 1.0 or -1.0 for each lane, from the bits of :func:`toss`."""
+    """Coins of one step, 1.0 or -1.0 for each lane, from the bits of :func:`toss`."""
     row = step % STEPS_PER_TOSS // 32 * LANES
     place = np.uint64(step % 32)
     for lane in range(LANES):

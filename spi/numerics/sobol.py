@@ -107,7 +107,7 @@ def net_words(directions, shifts, block, words):
 
 @device
 def central_normals(words, scratch, normals, ends):
-    """The standard normals of the LANES fractions `words`, but those of the ends of the interval.
+    """Standard normals of the LANES fractions `words`, but those of the ends of the interval.
 
     Of eight consecutive points of a scramble exactly one lies in each eighth of the interval, so that of each scramble
     one lane has less than 1/8, and one more than 7/8.  These fractions go to `ends` (2 PARTS), with their lanes before
@@ -128,7 +128,7 @@ def central_normals(words, scratch, normals, ends):
 
 @device(inline=False)
 def net_normals(directions, shifts, count, block, words, ends, normals):
-    """The standard normals of the first `count` coordinates of the points of the lanes of a block, LANES of each.
+    """Standard normals of the first `count` coordinates of the points of the lanes of a block, LANES of each.
 
     Scratch are `words` (at least 3 LANES uint64) and `ends` (4 PARTS uint64 for each coordinate).
     """

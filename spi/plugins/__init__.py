@@ -27,12 +27,10 @@ class Plugin(NamedTuple):
     name: str
     needs: tuple[str, ...] = ()  #: plug-ins without which it is not used
     models: Mapping[str, str] = _NOTHING  #: name in a spec -> class
-    sources: Mapping[str, str] = (
-        _NOTHING  #: key under ``model`` -> ``spi.specs.models.Source``, which reads such a mapping
-    )
-    definitions: Mapping[str, str] = (
-        _NOTHING  #: key of a model with a bracket -> what makes the model, not its formulas
-    )
+    #: Key under ``model`` -> ``spi.specs.models.Source``, which reads such a mapping.
+    sources: Mapping[str, str] = _NOTHING
+    #: Key of a model with a bracket -> what makes the model, not its formulas.
+    definitions: Mapping[str, str] = _NOTHING
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
     laws: Mapping[str, str] = _NOTHING  #: name under ``law`` of an initial state -> class of its keys
     grids: Mapping[str, str] = _NOTHING  #: what a state is on, see ``geometry`` -> what makes one of values on a grid
@@ -56,7 +54,7 @@ class PluginError(ImportError):
 
 
 def _read(file: Path, name: str) -> Plugin:
-    """The record that a Python file assigns to a name, whose arguments are literals; the file is not run."""
+    """Record that a Python file assigns to a name, whose arguments are literals; the file is not run."""
     for line in ast.parse(file.read_text(encoding="utf-8")).body:
         if isinstance(line, ast.Assign) and isinstance(line.value, ast.Call):
             target, call = line.targets[0], line.value
@@ -67,7 +65,7 @@ def _read(file: Path, name: str) -> Plugin:
 
 
 def _read_entry(entry: EntryPoint) -> Plugin:
-    """The record of another package."""
+    """Record of another package."""
     try:
         spec = find_spec(entry.module)
         if spec is None or spec.origin is None:
@@ -80,7 +78,7 @@ def _read_entry(entry: EntryPoint) -> Plugin:
 
 @cache
 def installed() -> dict[str, Plugin]:
-    """The plug-ins that are here, by name; PluginError if one of another package cannot be read.
+    """Plug-ins that are here, by name; PluginError if one of another package cannot be read.
 
     One that needs a plug-in that is not here is not here, either.
     """
@@ -115,7 +113,7 @@ def imported(place: str) -> Any:
 
 
 class Registry(MutableMapping[str, Any]):
-    """The entries of the core and of all plug-ins, by name; those of plug-ins are imported when first asked for."""
+    """Entries of the core and of all plug-ins, by name; those of plug-ins are imported when first asked for."""
 
     def __init__(self, field: str, own: Mapping[str, Any] = _NOTHING, made: Callable[[str], Any] = imported) -> None:
         self.field, self._made = field, made
@@ -146,7 +144,7 @@ class Registry(MutableMapping[str, Any]):
         return sum(1 for _ in self)
 
     def name_of(self, value: Any) -> str | None:
-        """The name of a class or function that is in the registry; nothing is imported for that."""
+        """Name of a class or function that is in the registry; nothing is imported for that."""
         own = next((name for name, other in self._own.items() if other is value), None)
         place = f"{getattr(value, '__module__', '')}:{getattr(value, '__qualname__', '')}"
         return own or next((name for name, other in offers(self.field).items() if other == place), None)

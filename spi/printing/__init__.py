@@ -25,7 +25,7 @@ def as_csv(records: list[dict[str, Any]]) -> str:
 
 
 def _with_odd(records: Iterable[dict[str, Any]], word: Callable[[float], Any]) -> list[dict[str, Any]]:
-    """The records with words for infinities and nan."""
+    """Records with words for infinities and nan."""
     return [
         {key: word(it) if isinstance(it, float) and not math.isfinite(it) else it for key, it in record.items()}
         for record in records
@@ -50,7 +50,7 @@ def cost_line(experiment: Any, cost: Any, to_compile: str) -> str:
 
 
 def _named(cases: Sequence[Any]) -> Iterator[tuple[str, tuple[str, ...]]]:
-    """The names and schemes of cases; where a parameter is swept, of the case in the spec, with how many values."""
+    """Names and schemes of cases; where a parameter is swept, of the case in the spec, with how many values."""
     for case in cases:
         if (sweep := case.sweep) is None:
             yield case.name, case.schemes

@@ -1,4 +1,4 @@
-"""The rows of JSON and CSV, whose columns are what the record of a result says."""
+"""Rows of JSON and CSV, whose columns are what the record of a result says."""
 
 from collections.abc import Iterator
 from typing import Any
@@ -7,10 +7,10 @@ import numpy as np
 
 from spi.storage.stored import Entry, Stored
 
-Columns = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
+RowColumns = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
 
 
-def rows_of(record: Stored, further: Columns | None = None) -> Iterator[dict[str, Any]]:
+def rows_of(record: Stored, further: RowColumns | None = None) -> Iterator[dict[str, Any]]:
     """A row for each point of the axes that the record says, with all that it has over some of them.
 
     Of what has further axes, those of ``row_largest`` give the largest value, and those of ``row_columns`` a column for
@@ -33,16 +33,16 @@ def rows_of(record: Stored, further: Columns | None = None) -> Iterator[dict[str
 
 
 def _head(record: Stored) -> dict[str, Any]:
-    """The columns that say what the record is of, None where they are empty."""
+    """Columns that say what the record is of, None where they are empty."""
     about = record.about
     head = {"case": about.case, "scheme": about.scheme, "eps": about.eps, "extrapolate": about.extrapolate or None}
     head["estimator"] = about.estimator or record.get("estimator") or None
     return head | (about.swept.places if about.swept else {})
 
 
-def _entries(record: Stored) -> tuple[Columns, dict[str, Any]]:
-    """The columns of the arrays, and the facts that are the same in all rows."""
-    columns: Columns = {}
+def _entries(record: Stored) -> tuple[RowColumns, dict[str, Any]]:
+    """Columns of the arrays, and the facts that are the same in all rows."""
+    columns: RowColumns = {}
     facts: dict[str, Any] = {}
     for entry in record.entries:
         value = None if entry.apart or entry.meaning.is_axis else entry.of(record)
@@ -55,8 +55,8 @@ def _entries(record: Stored) -> tuple[Columns, dict[str, Any]]:
     return columns, facts
 
 
-def _columns(record: Stored, entry: Entry, values: np.ndarray) -> Columns:
-    """The columns of an array: one, or by :func:`_names` some along an axis that is spread; none if it has others."""
+def _columns(record: Stored, entry: Entry, values: np.ndarray) -> RowColumns:
+    """Columns of an array: one, or by :func:`_names` some along an axis that is spread; none if it has others."""
     over = entry.axes
     for axis in [axis for axis in over if axis in record.row_largest and values.size]:
         values, over = values.max(over.index(axis)), tuple(other for other in over if other != axis)
@@ -72,7 +72,7 @@ def _columns(record: Stored, entry: Entry, values: np.ndarray) -> Columns:
 
 
 def _names(record: Stored, entry: Entry, axis: str, count: int) -> list[str]:
-    """The names of the columns along an axis: ``rms_1``, ``rms_2``, ..., where it has texts ``mean[y1]``, ..."""
+    """Names of the columns along an axis: ``rms_1``, ``rms_2``, ..., where it has texts ``mean[y1]``, ..."""
     labels = record.about.variables if axis == "component" else record.get(axis)
     if labels is not None and len(labels) and isinstance(labels[0], str):
         return [f"{entry.name}[{label}]" for label in labels]

@@ -8,12 +8,12 @@ import numpy as np
 
 from ..statistics.claims import Quantity
 from ..statistics.curves import Curve
-from .tables import Cell, Grid
+from .tables import StyledText, TextTable
 from .text import fraction, interval_text, power_of_two, short, with_interval
 
 
-def tables(title: str, curves: Sequence[Curve]) -> Iterator[Grid | Cell]:
-    """The tables of a case that is swept: for each scheme, estimator and test function a line per value.
+def tables(title: str, curves: Sequence[Curve]) -> Iterator[TextTable | StyledText]:
+    """Tables of a case that is swept: for each scheme, estimator and test function a line per value.
 
     Quantities of other test functions, as quantiles are, have a table of their own.
     """
@@ -22,7 +22,7 @@ def tables(title: str, curves: Sequence[Curve]) -> Iterator[Grid | Cell]:
             yield _map(title, curve)
             if (fit := curve.chi_squared) is not None:
                 whose = "the orders of theory as h -> 0" if curve.name == "order" else "expected values"
-                yield Cell(f"chi squared {fit[0]:.1f} of {fit[1]} differences from {whose}")
+                yield StyledText(f"chi squared {fit[0]:.1f} of {fit[1]} differences from {whose}")
         return
     by_functions: dict[tuple[str, ...], list[Curve]] = {}
     for name in dict.fromkeys(curve.name for curve in curves):
@@ -32,7 +32,7 @@ def tables(title: str, curves: Sequence[Curve]) -> Iterator[Grid | Cell]:
         yield _table(title, members)
 
 
-def _table(title: str, curves: Sequence[Curve]) -> Grid:
+def _table(title: str, curves: Sequence[Curve]) -> TextTable:
     names = {curve.name: curve.label for curve in curves}
     several = [any(curve.about.estimator for curve in curves), any(curve.function for curve in curves)]
     labels = ["scheme", *compress(("estimator", "function"), several)]
@@ -41,17 +41,19 @@ def _table(title: str, curves: Sequence[Curve]) -> Grid:
     for owner in dict.fromkeys(map(_owner, curves)):
         members = [curve for curve in curves if _owner(curve) == owner]
         about, function = members[0].about, members[0].function
-        cells = {(point.at, curve.name): Cell(quantity_text(point)) for curve in members for point in curve.points}
+        cells = {
+            (point.at, curve.name): StyledText(quantity_text(point)) for curve in members for point in curve.points
+        }
         texts = [about.label, *compress((about.estimator, function), several)]
-        rows: list[list[Cell]] = []
+        rows: list[list[StyledText]] = []
         for at in dict.fromkeys(at for at, _ in cells if at):
-            numbers = [cells.get((at, name), Cell("")) for name in names]
-            rows.append([*(Cell(text * (not rows)) for text in texts), Cell(f"{at[1]:g}"), *numbers])
+            numbers = [cells.get((at, name), StyledText("")) for name in names]
+            rows.append([*(StyledText(text * (not rows)) for text in texts), StyledText(f"{at[1]:g}"), *numbers])
         sections.append(rows)
-    return Grid(title, [*labels, curves[0].word, *headings], sections, len(labels), 1 + len(labels))
+    return TextTable(title, [*labels, curves[0].word, *headings], sections, len(labels), 1 + len(labels))
 
 
-def _map(title: str, curve: Curve) -> Grid:
+def _map(title: str, curve: Curve) -> TextTable:
     """Over two parameters a line for each value of the first: the least and the largest number, and the zeros."""
     grid = curve.grid()
     first, second = grid.words
@@ -63,9 +65,9 @@ def _map(title: str, curve: Curve) -> Grid:
         ends = [finite[pick(values[i, finite])] for pick in (np.argmin, np.argmax)] if finite.size else []
         texts = [text for j in ends for text in (short(float(values[i, j])), f"{grid.axes[1][j]:g}")] or [""] * 4
         texts += [", ".join(with_interval(zero, half) for at, zero, half in zeros if at == value)] * bool(zeros)
-        rows.append([Cell(f"{value:g}"), *map(Cell, texts)])
+        rows.append([StyledText(f"{value:g}"), *map(StyledText, texts)])
     name = f"{curve.label}, {curve.about.subject(curve.function, with_estimator=False)}"
-    return Grid(": ".join(filter(None, (title, name))), headings, [rows], 0)
+    return TextTable(": ".join(filter(None, (title, name))), headings, [rows], 0)
 
 
 _UNEVEN = ("order", "growth", "quantile")  # the ends of whose intervals lie at different distances

@@ -3,7 +3,7 @@
     tables = (Table("h", [Column("error", "strong error (95 %)", resolved="resolved"), Column("casimir_drift")]),)
 
 A :class:`Table` has a line for each place along some axes and, for each scheme, the fields of its columns with their
-95 % intervals.  It becomes a :class:`Grid` of texts, which is printed, or shown in a report.
+95 % intervals.  It becomes a :class:`TextTable` of texts, which is printed, or shown in a report.
 """
 
 import math
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
     from rich.table import Table as RichTable
 
 
-class Cell(NamedTuple):
+class StyledText(NamedTuple):
     """A text with its style, as ``rich`` names it."""
 
     text: str
@@ -49,22 +49,22 @@ class Cell(NamedTuple):
 _MANY = 8  # columns
 
 
-class Grid(NamedTuple):
+class TextTable(NamedTuple):
     """A table of texts."""
 
     title: str
     headings: Sequence[str]
-    sections: Sequence[Sequence[Sequence[Cell]]]  #: the lines of each scheme
+    sections: Sequence[Sequence[Sequence[StyledText]]]  #: the lines of each scheme
     left: int  #: so many columns are left-justified; the first of them, of labels, may wrap
     keys: int = 1  #: so many columns tell what a line is of
 
     @property
     def rows(self) -> list[list[str]]:
-        """The texts of all lines."""
+        """Texts of all lines."""
         return [[cell.text for cell in row] for section in self.sections for row in section]
 
     def styles(self, heading: str = "") -> set[str]:
-        """The styles of the cells in the columns of this heading, or of all."""
+        """Styles of the cells in the columns of this heading, or of all."""
         chosen = [i for i, one in enumerate(self.headings) if one == heading or not heading]
         return {row[i].style for section in self.sections for row in section for i in chosen}
 
@@ -82,7 +82,7 @@ class Grid(NamedTuple):
             table.padding = 0  # else it is too wide
         return table
 
-    def folded(self, console: "Console") -> Iterator["Grid"]:
+    def folded(self, console: "Console") -> Iterator["TextTable"]:
         """Tables of some columns each, as many as a terminal has room for, with those that tell what a line is of."""
         shown = [*range(self.keys)]
         whole, title = math.isinf(room(console)), self.title
@@ -94,8 +94,8 @@ class Grid(NamedTuple):
             shown.append(i)
         yield self.of(shown)._replace(title=title)
 
-    def of(self, columns: Sequence[int]) -> "Grid":
-        """The grid of these of its columns."""
+    def of(self, columns: Sequence[int]) -> "TextTable":
+        """Grid of these of its columns."""
         sections = [[[row[i] for i in columns] for row in section] for section in self.sections]
         return self._replace(headings=[self.headings[i] for i in columns], sections=sections)
 
@@ -123,7 +123,7 @@ class Column(NamedTuple):
     always: bool = False  #: whether the column stands even if no number in it is finite
 
     def parts(self, record: Stored, readings: Sequence[Stored], axes: Sequence[str]) -> dict[str, Estimate]:
-        """The numbers by heading; along axes that the table lacks the last time or the largest number."""
+        """Numbers by heading; along axes that the table lacks the last time or the largest number."""
         if callable(self.field):
             values = self.field(record, readings)
             array = np.asarray(values, object)
@@ -143,19 +143,19 @@ class Column(NamedTuple):
             if name in self.among or not {*names} & {*self.among}
         }
 
-    def cell(self, record: Stored, numbers: Estimate, at: Mapping[str, int]) -> Cell:
-        """The cell at a place, given by its number along each axis."""
+    def cell(self, record: Stored, numbers: Estimate, at: Mapping[str, int]) -> StyledText:
+        """Cell at a place, given by its number along each axis."""
         place = tuple(at[axis] for axis in numbers.axes)
         if any(i >= size for i, size in zip(place, numbers.value.shape, strict=True)):
-            return Cell("-")
+            return StyledText("-")
         value = numbers.value[place]
         if isinstance(value, str):
-            return Cell(value)
+            return StyledText(value)
         ends = (numbers.low[place], numbers.high[place]) if self.interval and not numbers.exact else None
         text = self.missing if value != value else interval_text(value, ends, self.form, self.interval == "[]")
         if self.resolved and not record.get(self.resolved)[place]:
-            return Cell(f"({text})", "dim")
-        return Cell(text, "bold red" if abs(value) > self.red else "")
+            return StyledText(f"({text})", "dim")
+        return StyledText(text, "bold red" if abs(value) > self.red else "")
 
 
 def _largest(values: np.ndarray, axis: int) -> np.ndarray:
@@ -170,19 +170,19 @@ class Table(NamedTuple):
     title: str = ""  #: in place of that of the case
     lines: Callable[[Any], Iterable[tuple[int, ...]]] | None = None  #: the places that have lines, if not all
 
-    def items(self, title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
-        """The table of the records of a case, and what its brackets and its large numbers mean."""
+    def items(self, title: str, readings: Sequence[Stored]) -> Iterator[TextTable | StyledText]:
+        """Table of the records of a case, and what its brackets and its large numbers mean."""
         if (grid := self.grid(title, readings)) is None:
             return
         yield grid
         if "dim" in grid.styles():
-            yield Cell("( ): not resolved", "dim")
+            yield StyledText("( ): not resolved", "dim")
         for column in self.columns:
             if column.why and "bold red" in grid.styles(column.heading):
-                yield Cell(f"{unbroken(column.heading)} above {column.red:g}: {column.why}", "bold red")
+                yield StyledText(f"{unbroken(column.heading)} above {column.red:g}: {column.why}", "bold red")
 
-    def grid(self, title: str, readings: Sequence[Stored]) -> Grid | None:
-        """The table of the records of a case, without columns in which there is nothing; None if none is left."""
+    def grid(self, title: str, readings: Sequence[Stored]) -> TextTable | None:
+        """Table of the records of a case, without columns in which there is nothing; None if none is left."""
         axes = self.axes.split()
         columns, parts = self._parts(readings, axes)
         sections = [
@@ -195,12 +195,12 @@ class Table(NamedTuple):
             return None
         left = sum(1 for _ in takewhile(_LEFT.__contains__, ["scheme", *axes]))
         counts = sum(i < left for i in shown), sum(i <= len(axes) for i in shown)
-        return Grid(self.title or title, headings, sections, *counts).of(shown)
+        return TextTable(self.title or title, headings, sections, *counts).of(shown)
 
     def _parts(
         self, readings: Sequence[Stored], axes: Sequence[str]
     ) -> tuple[dict[str, Column], list[dict[str, Estimate]]]:
-        """The columns by heading, and for each record its numbers by heading."""
+        """Columns by heading, and for each record its numbers by heading."""
         columns: dict[str, Column] = {}
         parts: list[dict[str, Estimate]] = [{} for _ in readings]
         for column in self.columns:
@@ -211,8 +211,8 @@ class Table(NamedTuple):
 
     def _section(
         self, record: Stored, parts: Mapping[str, Estimate], axes: Sequence[str], columns: Mapping[str, Column]
-    ) -> Iterator[list[Cell]]:
-        """The lines of one scheme, with labels where they differ from those of the line above."""
+    ) -> Iterator[list[StyledText]]:
+        """Lines of one scheme, with labels where they differ from those of the line above."""
         names = {axis: places(record, axis, parts.values()) for axis in axes}
         lines = list(np.ndindex(*map(len, names.values())) if self.lines is None else self.lines(record))
         schemes, whole = record.about.parts(), record.about.subject()
@@ -224,21 +224,23 @@ class Table(NamedTuple):
             labels = [names[axis][i] for axis, i in at.items()]
             same = next((i for i, label in enumerate(labels) if before[i : i + 1] != [label]), len(labels))
             before = labels
-            cells = [columns[name].cell(record, parts[name], at) if name in parts else Cell("") for name in columns]
-            yield [Cell(scheme), *[Cell("")] * same, *map(Cell, labels[same:]), *cells]
+            cells = [
+                columns[name].cell(record, parts[name], at) if name in parts else StyledText("") for name in columns
+            ]
+            yield [StyledText(scheme), *[StyledText("")] * same, *map(StyledText, labels[same:]), *cells]
 
 
-def _with_contents(sections: Sequence[Sequence[Sequence[Cell]]], may_be_dashes: Sequence[bool]) -> list[int]:
-    """The numbers of the columns that are not empty, nor full of dashes where they may not be; the first is one."""
+def _with_contents(sections: Sequence[Sequence[Sequence[StyledText]]], may_be_dashes: Sequence[bool]) -> list[int]:
+    """Numbers of the columns that are not empty, nor full of dashes where they may not be; the first is one."""
     rows = [row for section in sections for row in section]
     empty = [("",) if may else ("", "-") for may in may_be_dashes]
     return [i for i, texts in enumerate(empty) if not i or any(row[i].text not in texts for row in rows)]
 
 
-class Own(NamedTuple):
+class OwnTable(NamedTuple):
     """A table of a kind's own."""
 
-    items: Callable[[str, Sequence[Any]], Iterator[Grid | Cell]]  #: as :meth:`Table.items`
+    items: Callable[[str, Sequence[Any]], Iterator[TextTable | StyledText]]  #: as :meth:`Table.items`
 
 
 #: How the places along an axis are called in tables, and its heading if that is not the name of the axis.
@@ -248,7 +250,7 @@ _LEFT = ("scheme", "function", "h", "level", "casimir")  # whose columns are lef
 
 
 def places(record: Stored, axis: str, numbers: Iterable[Estimate]) -> list[str]:
-    """The names of the places along an axis; "" where there is one without a name, as of a single Casimir function."""
+    """Names of the places along an axis; "" where there is one without a name, as of a single Casimir function."""
     if (values := record.get(axis)) is None:
         count = max((one.value.shape[one.axes.index(axis)] for one in numbers if axis in one.axes), default=0)
         return [f"C{i}" for i in range(1, count + 1)] if count > 1 else [""]
@@ -267,21 +269,21 @@ def _heading(axis: str, readings: Sequence[Any]) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def printed(title: str, readings: Sequence[Stored]) -> Iterator[Grid | Cell]:
-    """The tables of the records of a case, the lines on each record, and those on the case."""
+def printed(title: str, readings: Sequence[Stored]) -> Iterator[TextTable | StyledText]:
+    """Tables of the records of a case, the lines on each record, and those on the case."""
     for table in readings[0].tables:
         yield from table.items(title, readings)
-    yield from map(Cell, _clipped(readings))
+    yield from map(StyledText, _clipped(readings))
     for record in readings:
-        yield from map(Cell, _lines(record))
-    yield from map(Cell, readings[0].remarks_of_case(readings))
+        yield from map(StyledText, _lines(record))
+    yield from map(StyledText, readings[0].remarks_of_case(readings))
 
 
 _WHOLE = 0.99995  # a share that is printed as 100 %
 
 
 def _clipped(readings: Sequence[Any]) -> Iterator[str]:
-    """The share of the variance of increments that clipping leaves at the largest step, where it is not all of it."""
+    """Share of the variance of increments that clipping leaves at the largest step, where it is not all of it."""
     about = readings[0].about
     if not about.truncate_noise:
         return
@@ -294,11 +296,11 @@ def _clipped(readings: Sequence[Any]) -> Iterator[str]:
         yield f"truncate_noise: clipped increments over h = {power_of_two(h)} have {left:.2%} of their variance{then}"
 
 
-def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:
+def show_items(console: "Console", items: Iterable[TextTable | StyledText]) -> None:
     """Print tables and lines, however long, with an empty line behind each table and block of lines."""
-    for is_table, members in groupby(items, lambda item: isinstance(item, Grid)):
+    for is_table, members in groupby(items, lambda item: isinstance(item, TextTable)):
         for item in members:
-            if isinstance(item, Grid):
+            if isinstance(item, TextTable):
                 for part in item.folded(console):
                     print_whole(console, part.as_rich())
                     console.print()
@@ -309,7 +311,7 @@ def show_items(console: "Console", items: Iterable[Grid | Cell]) -> None:
 
 
 def _lines(record: Stored) -> Iterator[str]:
-    """The common lines on a record, after its label, and its own."""
+    """Common lines on a record, after its label, and its own."""
     for number, line in enumerate(_common(record)):
         yield f"    {line}" if number else f"{record.about.subject()}: {line}"
     yield from record.remarks()
@@ -345,7 +347,7 @@ def _order(record: Stored) -> Iterator[str]:
 
 
 def _paths(record: Stored) -> Iterator[str]:
-    """The number of paths of one step size, and the time of a step."""
+    """Number of paths of one step size, and the time of a step."""
     step, samples, times, nonfinite, ns = map(record.get, ("step", "samples", "t", "nonfinite", "ns_per_step"))
     if step is None or samples is None:
         return
@@ -356,7 +358,7 @@ def _paths(record: Stored) -> Iterator[str]:
 
 
 def _solver(record: Stored) -> Iterator[str]:
-    """The iterations of a solver of equations and its failures, perhaps over step sizes."""
+    """Iterations of a solver of equations and its failures, perhaps over step sizes."""
     names = "solves", "iterations", "failures", "largest_residual"
     solves, iterations, failures, residuals = map(record.get, names)
     if solves is None or np.ndim(solves) > 1:
@@ -367,7 +369,7 @@ def _solver(record: Stored) -> Iterator[str]:
 
 
 def _accepted(record: Stored) -> Iterator[str]:
-    """The shares of flows that a scheme with a test of acceptance accepted, perhaps at each step size."""
+    """Shares of flows that a scheme with a test of acceptance accepted, perhaps at each step size."""
     noise, drift = map(record.get, ("noise_accepted", "drift_accepted"))
     if noise is None or np.ndim(noise) > 1:
         return
@@ -397,18 +399,18 @@ def show(console: "Console", verdicts: Sequence[Verdict]) -> None:
     console.print()
 
 
-def grid(verdicts: Sequence[Verdict], then: str = " ") -> Grid:
-    """The table of claims, with `then` before intervals and further swept values."""
+def grid(verdicts: Sequence[Verdict], then: str = " ") -> TextTable:
+    """Table of claims, with `then` before intervals and further swept values."""
     rows = []
     for one in verdicts:
         result, at = re.sub(r" (?=[\[(])", then, came_out(one)), _at(one).replace(", ", f",{then}")
-        verdict = Cell(one.verdict, _STYLES.get(one.verdict, "yellow"))
-        rows.append([*map(Cell, (one.subject, one.claim.text, result, at)), verdict])
-    return Grid("claims", ["scheme", "claim", "result (95 %)", "at", ""], [rows], left=5)
+        verdict = StyledText(one.verdict, _STYLES.get(one.verdict, "yellow"))
+        rows.append([*map(StyledText, (one.subject, one.claim.text, result, at)), verdict])
+    return TextTable("claims", ["scheme", "claim", "result (95 %)", "at", ""], [rows], left=5)
 
 
 def _at(one: Verdict) -> str:
-    """The step size and the swept value of what came out."""
+    """Step size and the swept value of what came out."""
     quantity = one.found
     h = f"h = {power_of_two(quantity.h)}" if quantity and quantity.h is not None else ""
     swept = quantity.swept_places.items() if quantity else ()
@@ -416,7 +418,7 @@ def _at(one: Verdict) -> str:
 
 
 def came_out(one: Verdict) -> str:
-    """The value with its interval, and what of it is not finite, or why there is none."""
+    """Value with its interval, and what of it is not finite, or why there is none."""
     if one.found is None:
         return "not computed"
     if math.isnan(one.found.value):
@@ -436,7 +438,7 @@ def _number(quantity: Quantity) -> str:
 
 
 def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
-    """The number of claims with each verdict, and :func:`complaints`; nothing if there are no claims."""
+    """Number of claims with each verdict, and :func:`complaints`; nothing if there are no claims."""
     counts = Counter(one.verdict for one in verdicts)
     if counts:
         yield f"{name}: claims: {', '.join(f'{counts[one]} {one}' for one in VERDICTS if counts[one])}"
@@ -444,7 +446,7 @@ def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
 
 
 def complaints(verdicts: Iterable[Verdict]) -> list[tuple[str, str]]:
-    """The verdict and the result of each claim that is neither confirmed nor consistent with the results."""
+    """Verdict and the result of each claim that is neither confirmed nor consistent with the results."""
     return [
         (one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; result: {came_out(one)}")
         for one in verdicts

@@ -1,4 +1,4 @@
-"""The console, the look of tables, and numbers as text."""
+"""Console, the look of tables, and numbers as text."""
 
 import math
 import re
@@ -68,7 +68,7 @@ def print_lines(console: "Console", lines: Iterable[str], style: str | None = No
 
 
 def wrapped(text: str, width: int) -> str:
-    """The lines of a text, broken between words; a command in backticks stays whole where a line has room for it."""
+    """Lines of a text, broken between words; a command in backticks stays whole where a line has room for it."""
     whole = re.sub("`[^`]*`", lambda match: match[0].replace(" ", "\xa0"), text)
     fitted = (_filled(line, width) for line in whole.split("\n"))
     return "\n".join(fitted).replace("\xa0", " ")
@@ -83,7 +83,7 @@ def _filled(line: str, width: int) -> str:
 
 
 def room(console: "Console") -> float:
-    """The width of a terminal; a file or a pipe has room for everything."""
+    """Width of a terminal; a file or a pipe has room for everything."""
     return console.width if console.is_terminal else math.inf
 
 
@@ -143,7 +143,7 @@ def with_interval(value: float, half: float) -> str:
 
 
 def _rounded_up(x: float, place: int) -> Decimal:
-    """The smallest multiple of 10^place that is no less than x, but for the rounding of x in its ninth digit."""
+    """Smallest multiple of 10^place that is no less than x, but for the rounding of x in its ninth digit."""
     return Decimal(f"{x:.8e}").quantize(Decimal(1).scaleb(place), ROUND_CEILING)
 
 
@@ -175,7 +175,7 @@ def human_time(seconds: float) -> str:
 
 
 def readable(text: str, variables: tuple[str, ...] = ()) -> str:
-    """The text of an expression in which 6.283185307179586 is 2*pi again, and components have the system's names."""
+    """Text of an expression in which 6.283185307179586 is 2*pi again, and components have the system's names."""
     text = re.sub(r"[0-9.]+", _multiple_of_pi, text)
     names = {f"y{k}": name for k, name in enumerate(variables, 1)}
     return re.sub(r"\by\d+\b", lambda match: names.get(match.group(), match.group()), text)

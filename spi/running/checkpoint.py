@@ -1,4 +1,4 @@
-"""The states of all parts of an experiment, and the sums that are stored of them while it runs and afterwards."""
+"""States of all parts of an experiment, and the sums that are stored of them while it runs and afterwards."""
 
 import contextlib
 import glob
@@ -74,7 +74,7 @@ class _TimeIsUp(Exception):
 
 
 def note_path(experiment: specs.Experiment, out: str | Path, shard: Shard | None = None) -> Path:
-    """The note on an unfinished run: ``<out>/sums/<experiment>-<hash of the spec>-<digest of the sources>.json``.
+    """Note on an unfinished run: ``<out>/sums/<experiment>-<hash of the spec>-<digest of the sources>.json``.
 
     Other sources might go on with other numbers, so that they have notes and sums of their own.
     """
@@ -83,7 +83,7 @@ def note_path(experiment: specs.Experiment, out: str | Path, shard: Shard | None
 
 
 class Checkpoint:
-    """The states of all parts of an experiment, and their files.
+    """States of all parts of an experiment, and their files.
 
     Each path set, and what a part knows besides, has a file of its own in ``<out>/sums``, called by its key, and an
     unfinished run a note there.
@@ -128,11 +128,11 @@ class Checkpoint:
 
     @property
     def all_keys(self) -> set[str]:
-        """The keys of all parts."""
+        """Keys of all parts."""
         return {key for keys in self.keys for key in keys.values()}
 
     def missing(self) -> list[tuple[int, Chunk]]:
-        """The chunks that are wanted for now and not done, with the number of their part."""
+        """Chunks that are wanted for now and not done, with the number of their part."""
         return [(number, chunk) for number, state in enumerate(self.states) for chunk in state.missing()]
 
     def chunks(self) -> tuple[str, ...]:
@@ -140,7 +140,7 @@ class Checkpoint:
         return tuple(f"{label} {digest}" for state in self.states for label, digest in digests_of(state).items())
 
     def shards(self) -> dict[Shard, Path]:
-        """The notes of those shards of the experiment that have been begun."""
+        """Notes of those shards of the experiment that have been begun."""
         shards = {}
         for file in self.store.folder.glob(f"{glob.escape(self.note.stem)}.shard-*.{NOTE}"):
             if match := _OF_SHARD.fullmatch(file.stem.removeprefix(self.note.stem)):
@@ -310,7 +310,7 @@ _MOST_OF_NOTE = 10**8  # bytes
 
 
 def read_note(path: Path) -> dict[str, Any] | None:
-    """The note on an unfinished run; None if it is none."""
+    """Note on an unfinished run; None if it is none."""
     with contextlib.suppress(OSError, ValueError):
         about = json.loads(storage.contents(path, _MOST_OF_NOTE))
         needed = {*_NOTED, "source_digest", "progress", "keys"}
@@ -320,12 +320,12 @@ def read_note(path: Path) -> dict[str, Any] | None:
 
 
 def label_of(plan: Plan, chunk: Chunk) -> str:
-    """The name of a chunk among those of all parts: that of its part, and its path set, number and paths."""
+    """Name of a chunk among those of all parts: that of its part, and its path set, number and paths."""
     return f"{name_of(plan)} {chunk.path_set} {chunk.index} {chunk.paths}"
 
 
 def digests_of(state: State) -> dict[str, str]:
-    """The digests of the chunks of a state that is complete, by their names."""
+    """Digests of the chunks of a state that is complete, by their names."""
     return {
         label_of(state.plan, chunk): state.digests[number][chunk.index, chunk.paths]
         for number, path_set in enumerate(state.path_sets)
@@ -334,7 +334,7 @@ def digests_of(state: State) -> dict[str, str]:
 
 
 def progress_of(states: Sequence[State]) -> str:
-    """The progress of an experiment, as in ``splitting 120 of 500 samples, midpoint 0 of 500 samples``."""
+    """Progress of an experiment, as in ``splitting 120 of 500 samples, midpoint 0 of 500 samples``."""
     several = len({state.plan.case.name for state in states}) > 1
     parts = []
     for state in states:
@@ -348,7 +348,7 @@ def progress_of(states: Sequence[State]) -> str:
 
 
 def as_run(experiment: specs.Experiment) -> dict[str, Any]:
-    """The spec, and how it is run, by the names that these have among the root attributes of results."""
+    """Spec, and how it is run, by the names that these have among the root attributes of results."""
     return {
         "experiment": experiment.name,
         "kind": experiment.kind,

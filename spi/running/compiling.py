@@ -42,7 +42,7 @@ _ROW = 4  # components that a sweep with tables counts for, however many rows it
 
 
 class Size(NamedTuple):
-    """The size of the code of a step."""
+    """Size of the code of a step."""
 
     sweeps: int  #: flows of a composition
     components: int  #: of a sweep
@@ -62,7 +62,7 @@ def steps_seconds(size: Size) -> float:
 
 
 def size_of(scheme: Any, model: Any) -> Size:
-    """The :class:`Size` of a step."""
+    """:class:`Size` of a step."""
     if large(model):
         return Size(0, 0, arrays=True)
     flows, fields = compile_size(scheme, model)
@@ -94,7 +94,7 @@ class Job(NamedTuple):
 
     @property
     def title(self):
-        """The name of the kernel: that of the scheme for its steps, of the function for all others."""
+        """Name of the kernel: that of the scheme for its steps, of the function for all others."""
         return self.label if self.name == "integrate" else self.name
 
 
@@ -138,12 +138,12 @@ def compile_missing(labelled_calls, report=lambda news: None):
 
 
 def processors():
-    """The number of processors that this process may use."""
+    """Number of processors that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def physical_memory():
-    """The bytes of memory of this machine; None where the system does not tell."""
+    """Bytes of memory of this machine; None where the system does not tell."""
     try:
         return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
     except (AttributeError, OSError, ValueError):
@@ -173,7 +173,7 @@ def _compile(job):
 
 
 def processes_for(jobs):
-    """The number of processes that compile these: one for each label, at most as many as there are processors."""
+    """Number of processes that compile these: one for each label, at most as many as there are processors."""
     return min(len({job.label for job in jobs}), processors())
 
 
@@ -196,7 +196,7 @@ def _rounded(seconds):
 
 
 def missing(labelled_calls):
-    """The jobs for all that is not compiled, each once, those that take longest first."""
+    """Jobs for all that is not compiled, each once, those that take longest first."""
     jobs = {}
     for label, (kernel, arguments) in labelled_calls:
         types = types_of(kernel, arguments)

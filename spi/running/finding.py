@@ -21,7 +21,7 @@ SPECS = (".yaml", ".yml")
 
 
 class Wanted(NamedTuple):
-    """The options that choose among the results of an experiment: those with which it was run."""
+    """Options that choose among the results of an experiment: those with which it was run."""
 
     profile: str = "laptop"
     overrides: tuple[str, ...] = ()  #: such as "seed=2", or "--seed=2" from an option of its own
@@ -35,7 +35,7 @@ class Wanted(NamedTuple):
         return words
 
     def path(self, folder: str | Path, experiment: str) -> Path:
-        """The file of the results of an experiment in a folder; SpecError if there is no such profile."""
+        """File of the results of an experiment in a folder; SpecError if there is no such profile."""
         if self.profile not in PROFILES:
             raise SpecError(f"--profile: '{self.profile}' is not a known profile; {suggestion(self.profile, PROFILES)}")
         return results_in(folder, experiment, self.profile, self.overrides)
@@ -45,7 +45,7 @@ PLAIN = Wanted()
 
 
 def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN) -> Path:
-    """The results file that is meant: `source`, or for a spec file or the name of an experiment that in `folder`.
+    """Results file that is meant: `source`, or for a spec file or the name of an experiment that in `folder`.
 
     A file in the current folder that is called as the experiment goes first.
     StorageError if there is none, or if it is of another spec than the spec file; SpecError if no such results can be.
@@ -82,7 +82,7 @@ def _is_of(path: Path, wanted: Wanted) -> bool:
         return False  # `spi show` lists it with what is wrong
 
 
-class Listed(NamedTuple):
+class ListedResult(NamedTuple):
     """A line in a list of results."""
 
     name: str
@@ -93,21 +93,21 @@ class Listed(NamedTuple):
     title: str
 
     @classmethod
-    def of(cls, name: str, run: dict[str, Any], samples: Sequence[int], created: str) -> "Listed":
-        """The line on results of a run with these root attributes; KeyError or another error if some are missing."""
+    def of(cls, name: str, run: dict[str, Any], samples: Sequence[int], created: str) -> "ListedResult":
+        """Line on results of a run with these root attributes; KeyError or another error if some are missing."""
         how = shlex.join(Wanted(run["profile"], tuple(run["overrides"])).options)
         title = str(run.get("title", ""))
         return cls(name, str(run.get("kind", "")), tuple(map(int, samples)), created, how, title)
 
 
-def listed(folder: Path) -> tuple[list[Listed], list[str]]:
+def listed(folder: Path) -> tuple[list[ListedResult], list[str]]:
     """A line for each of the results in a folder, and one on each file that cannot be read."""
     lines, problems = [], []
     for path in sorted(folder.glob("*.h5")):
         try:
             root = read_root(path)
             created = str(root.get("created", ""))[:16].replace("T", " ")
-            lines.append(Listed.of(path.stem, root, root["samples"], created))
+            lines.append(ListedResult.of(path.stem, root, root["samples"], created))
         except StorageError as error:
             problems.append(str(error))
         except Exception:  # of whatever kind, since the others can be listed
@@ -115,12 +115,12 @@ def listed(folder: Path) -> tuple[list[Listed], list[str]]:
     for path in sorted((folder / "sums").glob(f"*.{NOTE}")):
         if about := read_note(path):
             name = results_in(folder, about["experiment"], about["profile"], about["overrides"]).stem
-            lines.append(Listed.of(name, about, (), f"unfinished: {about['progress']}"))
+            lines.append(ListedResult.of(name, about, (), f"unfinished: {about['progress']}"))
     return lines, problems
 
 
 def results_of(spec: str | Path, folder: str | Path = "results", wanted: Wanted = PLAIN) -> Path:
-    """The results file of a spec file; StorageError if there is none or if it was made from another spec.
+    """Results file of a spec file; StorageError if there is none or if it was made from another spec.
 
     Results with another number of samples, title or claims count as those of the spec file.
     """
@@ -136,7 +136,7 @@ def results_of(spec: str | Path, folder: str | Path = "results", wanted: Wanted 
 
 
 def _existing(path: Path, name: str, called: str, wanted: Wanted) -> Path:
-    """The path, if there is such a file; StorageError with the remedy if not."""
+    """Path, if there is such a file; StorageError with the remedy if not."""
     if path.is_file():
         return path
     names = sorted(file.stem for file in path.parent.glob("*.h5"))

@@ -26,7 +26,7 @@ STORED = (".h5",)
 
 @functools.cache
 def layers() -> specs.Layers:
-    """The layers of spec files of all kinds."""
+    """Layers of spec files of all kinds."""
     return specs.Layers(KINDS)
 
 
@@ -38,7 +38,7 @@ def load(
     files: Iterable[tuple[str, str]] | None = None,
     added: Iterable[tuple[str, str]] = (),
 ) -> specs.Experiment:
-    """The experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.specs.load.
+    """Experiment in a spec file, or in `text` and `files`; SpecError if anything is wrong, see spi.specs.load.
 
     The files that are `added` stand in the place of those of their names.
 
@@ -60,7 +60,7 @@ def load_any(
     added: Iterable[tuple[str, str]] = (),
     trust_code: bool = False,
 ) -> specs.Experiment:
-    """The experiment that a person means: a spec file, a name, or results, whose spec and options then count.
+    """Experiment that a person means: a spec file, a name, or results, whose spec and options then count.
 
     `profile` takes the place of that of the results, and `overrides` are added to theirs.
     SpecError and StorageError as for the functions below.
@@ -70,13 +70,14 @@ def load_any(
     return load(path, profile or "laptop", overrides, added=added)
 
 
-Asked = Callable[[specs.Experiment, Sequence[str]], str]  #: the text of a spec about an experiment, given the overrides
+#: The text of a spec about an experiment, given the overrides.
+SpecAbout = Callable[[specs.Experiment, Sequence[str]], str]
 
 
 def load_about(
     path: str | Path,
     kind: str,
-    asked: Asked,
+    asked: SpecAbout,
     profile: str | None = None,
     overrides: Sequence[str] = (),
     trust_code: bool = False,
@@ -102,9 +103,9 @@ def load_stored(
     overrides: Iterable[str] = (),
     profile: str | None = None,
     added: Iterable[tuple[str, str]] = (),
-    about: tuple[str, Asked] | None = None,
+    about: tuple[str, SpecAbout] | None = None,
 ) -> specs.Experiment:
-    """The experiment whose results are in a file, as it was run, with further `overrides`.
+    """Experiment whose results are in a file, as it was run, with further `overrides`.
 
     Another `profile` takes the place of that of the run, and files can be `added`.  `about` is a kind, and what makes
     a spec of that kind about the system, as for ``load_about``.
@@ -139,7 +140,7 @@ def load_stored(
 
 
 class StoredSpec(NamedTuple):
-    """The spec behind results, and the options of its run."""
+    """Spec behind results, and the options of its run."""
 
     name: str  #: of the experiment
     profile: str
@@ -150,7 +151,7 @@ class StoredSpec(NamedTuple):
 
 
 def stored_spec(path: str | Path) -> StoredSpec:
-    """The spec in a file of results, which is not read; StorageError if the file cannot be read."""
+    """Spec in a file of results, which is not read; StorageError if the file cannot be read."""
     stored = read_root(path)
     try:
         files = [(str(name), str(text)) for name, text in json.loads(stored.get("model_sources") or "{}").items()]
@@ -164,7 +165,7 @@ def stored_spec(path: str | Path) -> StoredSpec:
 
 
 def code_of(stored: StoredSpec) -> list[str]:
-    """The names of those of its files that are run as Python code where the spec is read; none of a damaged spec."""
+    """Names of those of its files that are run as Python code where the spec is read; none of a damaged spec."""
     with contextlib.suppress(specs.SpecError):
         parts = [Document(stored.text, str), *(override("", text) for text in stored.overrides)]
         named = {name for part in parts for name in _python_files(part.data)}
@@ -173,7 +174,7 @@ def code_of(stored: StoredSpec) -> list[str]:
 
 
 def _python_files(data: Any) -> Iterator[str]:
-    """The values under ``python`` anywhere in a spec."""
+    """Values under ``python`` anywhere in a spec."""
     for key, value in data.items() if isinstance(data, dict) else enumerate(data) if isinstance(data, list) else ():
         if key == "python" and isinstance(value, str):
             yield value
@@ -195,7 +196,7 @@ def _is_here(name: str, text: str) -> bool:
 
 
 def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
-    """The headings of the valid ones among spec files, and the mistakes in the others; see spi.specs.experiment."""
+    """Headings of the valid ones among spec files, and the mistakes in the others; see spi.specs.experiment."""
     valid: dict[Path, Heading] = {}
     problems: list[str] = []
     for path in paths:
@@ -210,17 +211,17 @@ def headings(paths: Iterable[Path]) -> tuple[dict[Path, Heading], list[str]]:
 
 
 def plans(experiment: specs.Experiment) -> list[Plan]:
-    """The plans of all parts of all cases, in the order in which they are run."""
+    """Plans of all parts of all cases, in the order in which they are run."""
     study = KINDS[experiment.kind].study
     return [study.plan(case, part) for case in experiment.cases for part in study.parts(case)]
 
 
 def name_of(plan: Plan) -> str:
-    """The name of a plan among those of its experiment."""
+    """Name of a plan among those of its experiment."""
     return f"{plan.case.name}/{plan.part.name}"
 
 
-class Source(NamedTuple):
+class SpecSource(NamedTuple):
     """All that another process needs to make the plans of an experiment."""
 
     path: str  #: for messages
@@ -231,15 +232,15 @@ class Source(NamedTuple):
     hash: str  #: of the spec, so that a process in which it means something else computes nothing
 
     @classmethod
-    def of(cls, experiment: specs.Experiment) -> "Source":
-        """The source of an experiment."""
+    def of(cls, experiment: specs.Experiment) -> "SpecSource":
+        """Source of an experiment."""
         path, files = experiment.called, experiment.files
         return cls(path, experiment.text, experiment.profile, experiment.overrides, files, experiment.hash)
 
 
 @functools.lru_cache(maxsize=4)
-def plans_of(source: Source) -> list[Plan]:
-    """The plans of an experiment, in another process; kept, as there are many chunks to a plan.
+def plans_of(source: SpecSource) -> list[Plan]:
+    """Plans of an experiment, in another process; kept, as there are many chunks to a plan.
 
     SpecError if the spec means something else here, as where another version of a package of models is installed.
     """
@@ -251,6 +252,6 @@ def plans_of(source: Source) -> list[Plan]:
 
 
 def sources(experiment: specs.Experiment) -> list[str]:
-    """The Python modules in which the models of an experiment are defined, each once."""
+    """Python modules in which the models of an experiment are defined, each once."""
     modules = dict.fromkeys(sys.modules[type(undamped(case.model)).__module__] for case in experiment.cases)
     return [inspect.getsource(module) for module in modules]

@@ -14,14 +14,14 @@ WARNINGS = Registry("warnings")  #: name -> the warning about a case, "" if ther
 
 
 def remarks(experiment: specs.Experiment) -> list[str]:
-    """The parts of an experiment that are not computed, or not as it asks for, a line each, and its warnings."""
+    """Parts of an experiment that are not computed, or not as it asks for, a line each, and its warnings."""
     of_kind: Any = getattr(KINDS[experiment.kind].study, "remarks", lambda case: ())
     lines = {_of(experiment, case, line): None for case in experiment.cases for line in (*of_kind(case), *_noise(case))}
     return [*lines, *warnings(experiment)]
 
 
 def warnings(experiment: specs.Experiment) -> list[str]:
-    """The limits of the results of an experiment, a line each."""
+    """Limits of the results of an experiment, a line each."""
     each = ((case, warning(case)) for case in experiment.cases for warning in WARNINGS.values())
     return list(dict.fromkeys(_of(experiment, case, line) for case, line in each if line))
 

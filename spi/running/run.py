@@ -17,12 +17,12 @@ from ..models.delegation import undamped
 from ..numerics.rng import STREAM_VERSION
 from ..printing.text import short
 from ..specs.naming import results_in
-from ..storage.records import Results
+from ..storage.records import StoredResults
 from ..storage.stored import gathered
 from . import compiling
 from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, note_path, remove_unneeded
 from .finding import results_of
-from .load import Source, headings, layers, load, load_any, plans, sources
+from .load import SpecSource, headings, layers, load, load_any, plans, sources
 from .workers import Workers, advance_here, advance_with, perform_tasks
 
 __all__ = [
@@ -45,7 +45,7 @@ __all__ = [
 
 
 class Cost(NamedTuple):
-    """The cost of an experiment."""
+    """Cost of an experiment."""
 
     path_steps: float  #: steps of all paths, step sizes, schemes and cases together
     seconds: float  #: an estimate; NaN where nothing bounds the work
@@ -61,7 +61,7 @@ _COPIES = 2  # of what is stored, while it is written
 
 
 def cost(experiment: specs.Experiment, ready: Sequence[Plan] | None = None) -> Cost:
-    """The cost of an experiment from the steps of its plans and typical times of one step."""
+    """Cost of an experiment from the steps of its plans and typical times of one step."""
     costs = [plan.cost() for plan in ready or plans(experiment)]
     return Cost(
         path_steps=math.fsum(part.path_steps for part in costs),
@@ -72,13 +72,13 @@ def cost(experiment: specs.Experiment, ready: Sequence[Plan] | None = None) -> C
 
 
 def _bytes(costs: Sequence[Any]) -> float:
-    """The memory of a run: the program, what parts keep, and what one needs besides, or copies when it is written."""
+    """Memory of a run: the program, what parts keep, and what one needs besides, or copies when it is written."""
     kept = sum(part.kept for part in costs)
     return STARTING_BYTES + kept + max(_COPIES * kept, *(part.bytes - part.kept for part in costs))
 
 
 class Progress(NamedTuple):
-    """The progress of a run, reported before the first and after every batch of paths."""
+    """Progress of a run, reported before the first and after every batch of paths."""
 
     case: str
     part: str  #: scheme, and estimator if there are several
@@ -92,12 +92,12 @@ class Progress(NamedTuple):
 
     @property
     def place(self) -> str:
-        """The part among all, as in ``2/3 main splitting``."""
+        """Part among all, as in ``2/3 main splitting``."""
         return f"{self.number + 1}/{self.parts} {self.case} {self.part}"
 
     @property
     def precision(self) -> str:
-        """The standard error in words; empty before there is one."""
+        """Standard error in words; empty before there is one."""
         return "" if math.isnan(self.stderr) else f"standard error {short(self.stderr)}"
 
 
@@ -150,12 +150,12 @@ def run(
             advance_here(session.states, session.batch_done)
         else:
             workers.machines = session.machines  # which are saved with the sums
-            advance_with(workers, Source.of(experiment), session.states, session.batch_done)
+            advance_with(workers, SpecSource.of(experiment), session.states, session.batch_done)
         return session.finish()
 
 
 def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
-    """The results file of an experiment: ``<out>/<name>.h5``, see :mod:`spi.specs.naming`."""
+    """Results file of an experiment: ``<out>/<name>.h5``, see :mod:`spi.specs.naming`."""
     return results_in(out, experiment.name, experiment.profile, experiment.overrides)
 
 
@@ -200,7 +200,7 @@ class Session(Checkpoint):
         try:
             own = {"sums": json.dumps(self.keys_by_part), "machines": tuple(sorted(self.machines))}
             groups = tuple(record.group() for record in gathered(records))
-            results = Results(root_attributes(self.experiment) | own, groups, self.chunks())
+            results = StoredResults(root_attributes(self.experiment) | own, groups, self.chunks())
             storage.write(self.target, results, self.make_room)
         except storage.StorageError:
             self.save()  # so that nothing is computed again once this is mended
@@ -234,13 +234,13 @@ def kernel_calls(ready: Sequence[Plan]) -> list[tuple[str, KernelCall]]:
 
 
 def to_compile(experiment: specs.Experiment) -> str:
-    """The kernels that a run would have to compile, and the time for that, in words; empty if there are none."""
+    """Kernels that a run would have to compile, and the time for that, in words; empty if there are none."""
     jobs = compiling.missing(kernel_calls(plans(experiment)))
     return compiling.described(jobs, compiling.processes_for(jobs)) if jobs else ""
 
 
 def progress_of_part(state: State, number: int, parts: int) -> Progress:
-    """The progress of part `number` of so many."""
+    """Progress of part `number` of so many."""
     plan, done = state.plan, state.plan.progress(state)
     return Progress(
         case=plan.case.name,
@@ -256,7 +256,7 @@ def progress_of_part(state: State, number: int, parts: int) -> Progress:
 
 
 def identity(experiment: specs.Experiment) -> dict[str, Any]:
-    """The root attributes that identify the spec of results."""
+    """Root attributes that identify the spec of results."""
     return {
         **as_run(experiment),
         "spec_hash": experiment.hash,

@@ -1,4 +1,4 @@
-"""The experiments that come with the program, found by name from any folder, and the texts of new ones."""
+"""Experiments that come with the program, found by name from any folder, and the texts of new ones."""
 
 from pathlib import Path
 
@@ -7,7 +7,7 @@ _PLACES = (Path(__file__).parents[1] / "experiments", Path(__file__).parents[2] 
 
 
 def folder() -> Path:
-    """The folder of the experiments that come with the program."""
+    """Folder of the experiments that come with the program."""
     return next((place for place in _PLACES if place.is_dir()), _PLACES[0])
 
 
@@ -17,7 +17,7 @@ def names() -> list[str]:
 
 
 def path_of(spec: str | Path) -> Path:
-    """The file of a spec: `spec` itself, or if that is the bare name of an experiment that comes with the program, its.
+    """File of a spec: `spec` itself, or if that is the bare name of an experiment that comes with the program, its.
 
     A file of that name in the current folder goes first.
     """
@@ -28,5 +28,5 @@ def path_of(spec: str | Path) -> Path:
 
 
 def template() -> str:
-    """The text of a new experiment."""
+    """Text of a new experiment."""
     return (Path(__file__).parent / "templates" / "experiment.yaml").read_text(encoding="utf-8")

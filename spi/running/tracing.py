@@ -1,4 +1,4 @@
-"""The flows of one step of one path, to see which of them made it NaN or infinite, or changed a Casimir function.
+"""Flows of one step of one path, to see which of them made it NaN or infinite, or changed a Casimir function.
 
 The compiled loop finds the step and its noise.  Plain Python makes that step again, of a model whose flows are watched.
 """
@@ -12,7 +12,7 @@ import numpy as np
 from ..compiler.inlining import uncompiled
 from ..ensemble import protocol
 from ..ensemble.areas import fourier_terms
-from ..ensemble.loop import PAIRS_REVERSED, Grid, for_kernels, grid, integrated, paths_of, states_at
+from ..ensemble.loop import PAIRS_REVERSED, TimeGrid, for_kernels, grid, integrated, paths_of, states_at
 from ..ensemble.noise_of_step import noise_of_step
 from ..ensemble.observer import growth, invariants_of, state_recorder
 from ..ensemble.protocol import dimension, drift_angle, frozen, joint_angle, large, noise_angle
@@ -40,10 +40,10 @@ FLOWS: dict[str, tuple[str, Any]] = {
 _AS_A_WHOLE = {"drift_tables": (), "noise_tables": (), "friction_tables": ()}
 _MOST_CASIMIRS = 4  #: each of so many has a column
 
-Tick = Callable[[int, int], None]
+TraceTick = Callable[[int, int], None]
 
 
-class Flow(NamedTuple):
+class TracedFlow(NamedTuple):
     """A flow, and the state after it."""
 
     name: str
@@ -52,17 +52,17 @@ class Flow(NamedTuple):
     y: np.ndarray
 
 
-class Paths(NamedTuple):
+class TracedPaths(NamedTuple):
     """Paths of one scheme at some step sizes, with the noise that drives them."""
 
     plan: Any
-    times: Grid
+    times: TimeGrid
     stream: Any
     first: int
     end: int
 
     @classmethod
-    def of(cls, plan: Any) -> list["Paths"]:
+    def of(cls, plan: Any) -> list["TracedPaths"]:
         """Those of a plan, one set after the other; SpecError for a lattice whose sites threads share."""
         plan = plan.of_paths
         if plan.case.in_parts:
@@ -74,7 +74,7 @@ class Paths(NamedTuple):
             return [cls(plan, plan.grid, plan.stream, first, first + plan.samples)]
         return [cls(plan, times, plan.stream, 0, n) for times, n in zip(_grids(plan), sizes, strict=False)]
 
-    def lost(self, tick: Tick) -> tuple[int, int] | None:
+    def lost(self, tick: TraceTick) -> tuple[int, int] | None:
         """(path, level) of the first path that is not finite at the end, None if there is none."""
         d, levels, is_one = dimension(self.plan.model), len(self.times.doublings), self.end - self.first == 1
         room = min(BATCH_BYTES / (8 * LANES * levels * d), self.stream.most_blocks(self.plan.model, self.times))
@@ -94,15 +94,15 @@ class Paths(NamedTuple):
                 return tuple(state[1])
         return None
 
-    def _integrated(self, times: Grid, block: int, blocks: int, *observer: Any) -> np.ndarray:
-        """The states of some blocks at the end."""
+    def _integrated(self, times: TimeGrid, block: int, blocks: int, *observer: Any) -> np.ndarray:
+        """States of some blocks at the end."""
         plan = self.plan
         run = plan.scheme, plan.model, plan.initial, times, self.stream, block, blocks, self.end
         with np.errstate(all="ignore"):
             return integrated(*run, *observer)[0]
 
-    def alone(self, level: int) -> Grid:
-        """The times of one step size alone, on the same noise."""
+    def alone(self, level: int) -> TimeGrid:
+        """Times of one step size alone, on the same noise."""
         times, at = self.times, slice(level, level + 1)
         coarser = (times.doublings[at] >= np.arange(times.doublings[level] + 2)[:, np.newaxis]).sum(axis=1)
         paths = {name: getattr(times, name)[at] for name in ("doublings", "reversals", "by_reference")}
@@ -123,8 +123,8 @@ class Paths(NamedTuple):
         return rows[0]
 
 
-def _grids(plan: Any) -> Iterator[Grid]:
-    """The times of each step size where each has paths of its own; none of a plan without paths."""
+def _grids(plan: Any) -> Iterator[TimeGrid]:
+    """Times of each step size where each has paths of its own; none of a plan without paths."""
     case = plan.case
     for h, steps in zip(case.steps, getattr(case, "counts", ()), strict=False):
         terms = fourier_terms(plan.model, [plan.scheme], h, areas=case.areas)
@@ -132,7 +132,7 @@ def _grids(plan: Any) -> Iterator[Grid]:
 
 
 def watched(model: Any, see: Callable[[str, dict[str, Any], Any], None]) -> Any:
-    """The model as Python sees it, with ``see(name, arguments, result)`` after each call of a method of FLOWS."""
+    """Model as Python sees it, with ``see(name, arguments, result)`` after each call of a method of FLOWS."""
     inside = []
 
     def followed(name: str) -> Callable[..., Any]:
@@ -153,8 +153,8 @@ def watched(model: Any, see: Callable[[str, dict[str, Any], Any], None]) -> Any:
     return type(type(model).__name__, (type(model),), own)(*model)
 
 
-def flows_of_step(paths: Paths, path: int, level: int, n: int) -> list[Flow]:
-    """The flows of step n of a path, from 0 on, between its states before and after it.  They are made in Python."""
+def flows_of_step(paths: TracedPaths, path: int, level: int, n: int) -> list[TracedFlow]:
+    """Flows of step n of a path, from 0 on, between its states before and after it.  They are made in Python."""
     plan, times, (block, lane) = paths.plan, paths.alone(level), divmod(path, LANES)
     size, d = 1 << int(times.doublings[0]), dimension(plan.model)
     scheme = times.reference_scheme if times.reference_scheme is not None and times.by_reference[0] else plan.scheme
@@ -167,7 +167,7 @@ def flows_of_step(paths: Paths, path: int, level: int, n: int) -> list[Flow]:
     y, dW, coins = (np.repeat(row.reshape(-1, LANES)[:, lane], LANES) for row in (states[0, 0], dW, coins))
     h = times.reference_step * size
     model, calls = frozen(plan.model, times.start + n * h, h), 0
-    flows = [Flow("before", None, None, y[: d * LANES : LANES] + 0.0)]
+    flows = [TracedFlow("before", None, None, y[: d * LANES : LANES] + 0.0)]
 
     def see(name: str, given: dict[str, Any], result: Any) -> None:
         nonlocal calls
@@ -184,25 +184,25 @@ def flows_of_step(paths: Paths, path: int, level: int, n: int) -> list[Flow]:
             largest, after = float(angle(model, *[*given.values()][1:])), result
         t, k = given.get("t"), given.get("k", given.get("group"))
         name = word if k is None else f"{word} {k + 1}"
-        flows.append(Flow(name, None if t is None else float(t), largest, np.array(after, float)))
+        flows.append(TracedFlow(name, None if t is None else float(t), largest, np.array(after, float)))
 
     work = np.zeros(work_size(scheme, plan.model))
     with uncompiled(), np.errstate(all="ignore"):
         step(scheme, watched(model, see), h, dW, coins, y, work, report_row(0, 1))
-    return [*flows, Flow("after", None, None, y[: d * LANES : LANES])]
+    return [*flows, TracedFlow("after", None, None, y[: d * LANES : LANES])]
 
 
 class Trace(NamedTuple):
-    """The step of a path that is looked at."""
+    """Step of a path that is looked at."""
 
-    paths: Paths
+    paths: TracedPaths
     path: int
     level: int
     n: int  #: the number of the step, from 0 on
     lost: bool  #: whether the path is not finite after it
 
     @classmethod
-    def of(cls, paths: Paths, path: int, level: int) -> "Trace":
+    def of(cls, paths: TracedPaths, path: int, level: int) -> "Trace":
         """The first step after which a path is not finite, or else the one that changes a Casimir function most."""
         y = paths.states(path, level)
         lost = ~np.isfinite(y).all(axis=1)
@@ -229,7 +229,7 @@ class Trace(NamedTuple):
             yield "in Python, whose last digits differ, the step stays finite"
 
 
-def _table(plan: Any, flows: list[Flow], t: float) -> Iterator[str]:
+def _table(plan: Any, flows: list[TracedFlow], t: float) -> Iterator[str]:
     """Energies and Casimir functions before the step, and by how much they have changed after each flow."""
     with np.errstate(all="ignore"):
         energy, casimirs = invariants_of(plan.model, np.array([flow.y for flow in flows]), np.full(len(flows), t))
@@ -252,16 +252,16 @@ def _table(plan: Any, flows: list[Flow], t: float) -> Iterator[str]:
 
 
 def trace(
-    plans: list[Any], path: int | None, tick: Tick, begin: Callable[[Any], None] = lambda _: None
+    plans: list[Any], path: int | None, tick: TraceTick, begin: Callable[[Any], None] = lambda _: None
 ) -> Trace | None:
-    """The step to look at, of the first path that diverges or of path number `path`; None if all stay finite.
+    """Step to look at, of the first path that diverges or of path number `path`; None if all stay finite.
 
     `begin` is called with each plan before its paths are integrated, `tick` with (paths, of so many) on the way.
     SpecError if there are no paths, or none of that number.
     """
     every = []
     for plan in plans:
-        for paths in Paths.of(plan):
+        for paths in TracedPaths.of(plan):
             if path is not None:
                 paths = paths._replace(first=max(paths.first, path), end=min(paths.end, path + 1))
             if paths.first < paths.end:

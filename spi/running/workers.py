@@ -1,4 +1,4 @@
-"""The chunks of all parts, computed in this process or by workers.
+"""Chunks of all parts, computed in this process or by workers.
 
 Workers are an executor of ``concurrent.futures``: one of threads with a process each, or any that a user hands in.
 """
@@ -18,7 +18,7 @@ from ..ensemble.loop import limited_threads
 from ..kinds.plans import State, sums_of_chunk
 from ..statistics.tallies import Chunk
 from .compiling import processors
-from .load import Source, plans_of
+from .load import SpecSource, plans_of
 from .orphans import follow_the_parent
 
 #: A chunk whose worker was lost is handed out again at most so many times; this machine has at most so many workers.
@@ -27,8 +27,8 @@ MOST_LOSSES, MOST_WORKERS = 5, 1024
 _ONE_AT_A_TIME = threading.Lock()  # parallel kernels may not be started by two threads of a process at once
 
 
-def compute(source: Source, number: int, chunk: Chunk, threads: int) -> Any:
-    """The sums over a chunk of plan number `number` of an experiment, with at most so many threads."""
+def compute(source: SpecSource, number: int, chunk: Chunk, threads: int) -> Any:
+    """Sums over a chunk of plan number `number` of an experiment, with at most so many threads."""
     with _ONE_AT_A_TIME, limited_threads(threads):
         return sums_of_chunk(plans_of(source)[number], chunk)
 
@@ -38,24 +38,24 @@ class WorkersLost(RuntimeError):
 
     @classmethod
     def over_a_chunk(cls, losses: int) -> "WorkersLost":
-        """The error where a chunk was handed out as often as it may be."""
+        """Error where a chunk was handed out as often as it may be."""
         return cls(f"{losses} workers were lost over the same paths; give fewer, with more memory")
 
 
 class Workers:
-    """The base of several processes, here or elsewhere; its methods raise WorkersLost if they are gone for good."""
+    """Base of several processes, here or elsewhere; its methods raise WorkersLost if they are gone for good."""
 
     size: int  #: the number of chunks that are computed at once
 
     def __init__(self) -> None:
         self.machines = set[str]()  #: the ``storage.machine`` of those that computed, where it may be another than here
 
-    def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
+    def submit(self, source: SpecSource, number: int, chunk: Chunk) -> Future:
         """Have :func:`compute` called somewhere, again where its process is lost."""
         raise NotImplementedError
 
     def result(self, future: Future) -> Any:
-        """The result of a future that is done."""
+        """Result of a future that is done."""
         return future.result()
 
 
@@ -75,12 +75,12 @@ class Processes(Workers):
         self.closed = False
         self.lock = threading.Lock()
 
-    def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
+    def submit(self, source: SpecSource, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
         return self.executor.submit(self.answer, compute, source, number, chunk, self.threads)
 
     def answer(self, *call: Any) -> Any:
-        """The result of a call, (function, arguments), in one of the processes; a new one where that is lost."""
+        """Result of a call, (function, arguments), in one of the processes; a new one where that is lost."""
         for _ in range(MOST_LOSSES + 1):
             try:
                 connection = self._taken()
@@ -107,7 +107,7 @@ class Processes(Workers):
         self.executor.shutdown(cancel_futures=True)
 
     def _taken(self) -> Connection:
-        """The pipe to a process that is idle, or new."""
+        """Pipe to a process that is idle, or new."""
         with self.lock:
             if self.closed:
                 raise EOFError
@@ -150,7 +150,7 @@ def processes(size: int) -> Iterator[Processes]:
 
 
 class ExecutorWorkers(Workers):
-    """The workers of any executor of ``concurrent.futures``; each of its calls is one chunk, on one thread.
+    """Workers of any executor of ``concurrent.futures``; each of its calls is one chunk, on one thread.
 
     An executor does not say how many calls it makes at once, so it has as many chunks as the largest would need.
     """
@@ -161,13 +161,13 @@ class ExecutorWorkers(Workers):
         super().__init__()
         self.executor = executor
 
-    def submit(self, source: Source, number: int, chunk: Chunk) -> Future:
+    def submit(self, source: SpecSource, number: int, chunk: Chunk) -> Future:
         """Have a chunk computed by one of them."""
         with self._or_lost():
             return self.executor.submit(_compute, source, number, chunk)
 
     def result(self, future: Future) -> Any:
-        """The result of a future that is done."""
+        """Result of a future that is done."""
         with self._or_lost():
             (result, error), machine = future.result()
         self.machines.add(machine)
@@ -185,8 +185,8 @@ class ExecutorWorkers(Workers):
             raise WorkersLost(f"the executor lost its workers ({reason})") from error
 
 
-def _compute(source: Source, number: int, chunk: Chunk) -> tuple[tuple[Any, Exception | None], str]:
-    """The answer of :func:`compute`, so that what the call raises is an error of the executor, and the machine."""
+def _compute(source: SpecSource, number: int, chunk: Chunk) -> tuple[tuple[Any, Exception | None], str]:
+    """Answer of :func:`compute`, so that what the call raises is an error of the executor, and the machine."""
     return _answer(compute, source, number, chunk, 1), storage.machine()
 
 
@@ -219,7 +219,7 @@ def advance_some_here(states: Sequence[State], pieces: Collection[Piece], tick: 
         _advance_chunks(number, state, [chunk for chunk in state.missing() if (number, chunk) in pieces], tick)
 
 
-def advance_with(workers: Workers, source: Source, states: Sequence[State], tick: Tick) -> None:
+def advance_with(workers: Workers, source: SpecSource, states: Sequence[State], tick: Tick) -> None:
     """Have all chunks computed by workers, of earlier parts first."""
     tick(0)
     left: list[list[Chunk] | None] = [state.missing()[::-1] for state in states]

@@ -1,4 +1,4 @@
-"""The schemes, by the names that experiments use, and the orders that theory states of them."""
+"""Schemes, by the names that experiments use, and the orders that theory states of them."""
 
 import math
 
@@ -104,7 +104,7 @@ def with_eps(entry, eps):
 
 
 def scheme_entry(name, eps=None):
-    """The entry of a scheme in the table, for the multiscale system with this eps in its record."""
+    """Entry of a scheme in the table, for the multiscale system with this eps in its record."""
     return with_eps(SCHEMES[name], eps)
 
 
@@ -114,7 +114,7 @@ def scheme_entry(name, eps=None):
 
 
 def strong_order(entry, model, initial, law=None):
-    """The strong order of a scheme, None where theory states none: a splitting need not be made of exact flows.
+    """Strong order of a scheme, None where theory states none: a splitting need not be made of exact flows.
 
     The order with several noises rises to that with one where they commute, f_k' f_l = f_l' f_k, and to 1 where what a
     scheme leaves out is 0 as well, f_k' f_l for Euler-Maruyama, which is then Milstein's scheme.  `initial` is y_0, and
@@ -137,7 +137,7 @@ def strong_order(entry, model, initial, law=None):
 
 
 def order_without_noise(entry, model):
-    """The order of a scheme for the ordinary differential equation without noise; None where theory states none."""
+    """Order of a scheme for the ordinary differential equation without noise; None where theory states none."""
     if not has_theory(entry, model):
         return None
     if entry.composition is not None:
@@ -167,7 +167,7 @@ def _products(word, model, states):
 
 
 def weak_order(entry, model, extrapolate=0, law=None):
-    """The weak order for smooth functions, after so many levels of extrapolation; None where theory states none.
+    """Weak order for smooth functions, after so many levels of extrapolation; None where theory states none.
 
     `law` is that of the driver, None for Brownian motion.
     """

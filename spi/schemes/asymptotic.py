@@ -60,7 +60,7 @@ def move_processes(index, model, y, scheme, h, dW, increments):
 
 
 class AsymptoticPreserving(NamedTuple):
-    """The splitting scheme with the increments of the processes (eq. (24), or its variant with the midpoint rule).
+    """Splitting scheme with the increments of the processes (eq. (24), or its variant with the midpoint rule).
 
     For eps -> 0 and fixed h it becomes the splitting scheme with the same dW, which it is for eps = 0.
     """

@@ -103,7 +103,7 @@ _HALF_ROOT = 0.7071067811865476  # 2^(-1/2)
 
 @device
 def half_difference(model, k, dW, lane):
-    """The increment over the first half of a step minus that over the second, which is independent of their sum."""
+    """Increment over the first half of a step minus that over the second, which is independent of their sum."""
     return dW[first_lane(model, k, 2, 0) + lane] - dW[first_lane(model, k, 2, 1) + lane]
 
 

@@ -41,25 +41,25 @@ _ENOUGH = 2.0**-48  # relative change of the last iteration
 
 @device
 def width_of(model):
-    """The number of states that flows move at once."""
+    """Number of states that flows move at once."""
     return LANES if in_place(model) else WIDTH
 
 
 @device
 def large_work(model):
-    """The floats of scratch for a step: states, two more, times, and scratch of the flows."""
+    """Floats of scratch for a step: states, two more, times, and scratch of the flows."""
     return (3 * dimension(model) + noises(model)) * width_of(model) + block_work(model)
 
 
 @device(by_type=True)
 def size_or(small, model):
-    """The floats of scratch for a scheme: :func:`large_work` for an array-state model, `small` for another."""
+    """Floats of scratch for a scheme: :func:`large_work` for an array-state model, `small` for another."""
     return (lambda small, model: large_work(model)) if large(model) else (lambda small, model: small)
 
 
 @device(inline=False)
 def lanes_by_coin(model, report, coins, tossed):
-    """The numbers of the lanes that steps move, those with the coin 1 first, or all the same, and their number.
+    """Numbers of the lanes that steps move, those with the coin 1 first, or all the same, and their number.
 
     They are those in use, or all where sines are chosen for all lanes at once.
     """
@@ -276,7 +276,7 @@ def keep_still(x, left, new):
 
 @device
 def largest_of(values):
-    """The largest of some positive numbers, NaN if one is."""
+    """Largest of some positive numbers, NaN if one is."""
     largest = 0
     for j in range(len(values)):
         largest = max(largest, bits(abs(values[j])))
@@ -285,7 +285,7 @@ def largest_of(values):
 
 @device
 def failures_of(values, tolerance):
-    """The number of values above a tolerance, or not finite."""
+    """Number of values above a tolerance, or not finite."""
     failures = 0
     for j in range(len(values)):
         failures += 0 if values[j] <= tolerance else 1
@@ -299,7 +299,7 @@ def failures_of(values, tolerance):
 
 @device
 def judged_work(model):
-    """The further floats of scratch for judged steps: directions, energies, refusals."""
+    """Further floats of scratch for judged steps: directions, energies, refusals."""
     if in_place(model):
         return 3 * LANES
     return LANES + 2 * WIDTH if large(model) else 0

@@ -70,7 +70,7 @@ def judged(model, uniforms, y, energies, proposed, refused, report):
 
 @device(by_type=True)
 def judge_noises(model, h, dW, uniforms, y, energies, times, proposed, report):
-    """The flows of all noises with their friction one after the other; returns the number of accepted ones.
+    """Flows of all noises with their friction one after the other; returns the number of accepted ones.
 
     From y the time s = f(y) + sigma dW is proposed, f that of friction; from the state there the way back is -s.
     """
@@ -119,7 +119,7 @@ def noises_alike(model):
 
 @functools.lru_cache
 def _in_loops(alike):
-    """The function that judges the noises, those that are alike in one loop."""
+    """Function that judges the noises, those that are alike in one loop."""
     lines, names = ["def in_loops(model, h, dW, uniforms, y, energies, times, proposed, report):", "count = 0"], {}
     for n, (numbers, (shape, moved, rows), (slopes, others)) in enumerate(alike):
         sizes = {"shape": shape, "size": len(rows[0]), "moved": moved, "slopes": slopes, "others": len(others[0])}
@@ -160,7 +160,7 @@ def judge_in_rows(
 
 @unrolled(there_and_back)
 def propose_drift(index, model, proposed, h, times, report):
-    """The palindrome of the flows of the pieces, over h in the direction of each lane."""
+    """Palindrome of the flows of the pieces, over h in the direction of each lane."""
     share = h if number(index) == pieces(model) - 1 else 0.5 * h
     for lane in range(LANES):
         times[LANES + lane] = share * times[lane]
@@ -169,7 +169,7 @@ def propose_drift(index, model, proposed, h, times, report):
 
 
 class Metropolis(NamedTuple):
-    """The noise flows and the palindrome of the drift flows, each accepted or not; for a model at a temperature."""
+    """Noise flows and the palindrome of the drift flows, each accepted or not; for a model at a temperature."""
 
     judges = True
 

@@ -218,7 +218,7 @@ def residual(model, v, y, u):
 
 @device
 def residual_derivative(model, h, dW, lane, v, u, e):
-    """The derivative of the residual along e, where v = grad K(u) of the step's Hamiltonian K."""
+    """Derivative of the residual along e, where v = grad K(u) of the step's Hamiltonian K."""
     turned = add_noise_hessians(model, scaled(drift_hessian(model, u, e), h), dW, lane, u, e)
     field = add_scaled(structure(model, e, v), 1.0, structure(model, u, turned))
     along = add_scaled(scaled(turned, dot(v, u)), dot(turned, u) + dot(v, e), v)
@@ -227,7 +227,7 @@ def residual_derivative(model, h, dW, lane, v, u, e):
 
 @device
 def solve_3(a, b, c, r):
-    """The solution of x a + y b + z c = r by Cramer's rule, for a matrix not far from the identity."""
+    """Solution of x a + y b + z c = r by Cramer's rule, for a matrix not far from the identity."""
     bc, ca, ab = cross(b, c), cross(c, a), cross(a, b)
     return scaled((dot(r, bc), dot(r, ca), dot(r, ab)), 1.0 / dot(a, bc))
 
@@ -426,7 +426,7 @@ class Alone(NamedTuple):
 
 
 def inner_scheme(model):
-    """The record of the scheme that makes inner steps of a model, or of the Numba type of one."""
+    """Record of the scheme that makes inner steps of a model, or of the Numba type of one."""
     isospectral = inner(model) == "midpoint" and cross_product(model)
     return IsospectralMidpoint() if isospectral else _SCHEMES[inner(model)]
 
@@ -441,7 +441,7 @@ def is_reversible(model):
 
 
 def preserved(model):
-    """The properties that a composition with inner steps preserves, in the words of the table of schemes."""
+    """Properties that a composition with inner steps preserves, in the words of the table of schemes."""
     if inner(model) == "midpoint":
         keeps = cross_product(model) or structure_is_kept(model)
         return "Casimirs, Poisson structure" if keeps else "quadratic Casimirs"
@@ -450,7 +450,7 @@ def preserved(model):
 
 @device(by_type=True)
 def inner_size(model):
-    """The floats of scratch for an inner step."""
+    """Floats of scratch for an inner step."""
     if not flows_lacking(model):
         return lambda model: 0
     scheme = inner_scheme(model)

@@ -54,7 +54,7 @@ _INVERSE_REST = tuple(float(Fraction(1, j) - Fraction(1.0 / j)) for j in range(1
 
 @device
 def action_size(model):
-    """The floats of scratch for :func:`act`, those of v included."""
+    """Floats of scratch for :func:`act`, those of v included."""
     return (2 + _MOST) * dimension(model) * LANES
 
 
@@ -105,7 +105,7 @@ turn_up_to = device(by_size(turn_within, squares=True))
 
 
 def add_series(model, work, y, report):
-    """The series of exp(M(v) / n), n times, with n = 1, 2, 4, ... so large that no lane needs many terms.
+    """Series of exp(M(v) / n), n times, with n = 1, 2, 4, ... so large that no lane needs many terms.
 
     Series with few terms have small ones, so that no digits are lost.  A lane for which even the largest n is too
     small becomes NaN.

@@ -28,7 +28,7 @@ _KINDS = {"drift": DRIFT, "noise": NOISE, "friction": FRICTION}
 
 
 def program_of(stages, counts):
-    """The program of some stages for a model with so many (pieces, groups of noises, flows of friction)."""
+    """Program of some stages for a model with so many (pieces, groups of noises, flows of friction)."""
     stages = tuple(half for stage in stages for half in _there_and_back(stage))
     indices = dict(zip(_KINDS, map(range, counts), strict=True))
     coins = (1, -1) if needs_coins(stages) else (1,)
@@ -44,7 +44,7 @@ def _there_and_back(stage):
 
 
 def _flows(sweeps, stages):
-    """The rows of some sweeps."""
+    """Rows of some sweeps."""
     rows, before = [], None
     for of in sweeps:
         span, share = (0, 1, 1), of.share * stages[of.stage].fraction
@@ -67,7 +67,7 @@ class LargeComposition(NamedTuple):
 
     @classmethod
     def of(cls, stages, model):
-        """The composition with these stages, for a model."""
+        """Composition with these stages, for a model."""
         of_friction = noise_groups(model) if is_along_noises(model) else frictions(model)
         return cls(program_of(stages, (pieces(model), noise_groups(model), of_friction)), substeps(stages))
 

@@ -74,7 +74,7 @@ class Splitting(NamedTuple):
 
 
 def splitting(*stages):
-    """The scheme with these stages of :func:`~.stages.flows`.
+    """Scheme with these stages of :func:`~.stages.flows`.
 
     ValueError unless drift and noise get the whole step, for a noise with increments of its own beside shares of the
     whole one, and for loops except where they are proved to supply the missing terms of the noise.
@@ -142,7 +142,7 @@ def run_stages(stages, model, h, dW, coins, y, work, report):
 
 @device
 def stages_work(model):
-    """The floats of scratch for stages: the times of a sweep, a and b of a loop, and scratch of inner steps.
+    """Floats of scratch for stages: the times of a sweep, a and b of a loop, and scratch of inner steps.
 
     A sweep of joint flows has a time for each noise joined to the piece, and perhaps one for the piece.
     """
@@ -165,7 +165,7 @@ _OF_LANES = {0: "{}", 1: "{} if coins[lane] > 0.0 else 0.0", -1: "0.0 if coins[l
 
 @functools.lru_cache
 def _step(sweeps, inexact, most, linear=()):
-    """The Python function ``run_stages`` for a sequence of sweeps, written out: every k is a constant from the start.
+    """Python function ``run_stages`` for a sequence of sweeps, written out: every k is a constant from the start.
 
     `inexact` = ((part, numbers without an exact flow), ...) are replaced by inner steps; `most` is the largest number
     of noises joined to one piece of the model, `linear` are the noises of linear friction.  The bits of the largest
@@ -267,7 +267,7 @@ def _noise_time(k, time):
 
 
 def _lacking_time(of):
-    """The term of a pair of noises that is missing in the noise flows, as source text."""
+    """Term of a pair of noises that is missing in the noise flows, as source text."""
     (k, j), lacking = of.noises, f"dW[len(dW) - {of.pairs - of.pair} * LANES + lane]"
     if of.before != 0.5:
         lacking = f"({0.5 - of.before!r} * dW[{k} * LANES + lane] * dW[{j} * LANES + lane] + {lacking})"

@@ -61,44 +61,44 @@ from ..ensemble.protocol import (
 
 @method
 def flow(part, model, k, t, y, angles):
-    """The flow number k of a part."""
+    """Flow number k of a part."""
 
 
 @method
 def angle(part, model, k, t, y):
-    """The largest |angle| of the flow number k of a part."""
+    """Largest |angle| of the flow number k of a part."""
 
 
 @method
 def gradient(part, model, k, y):
-    """The gradient of Hamiltonian number k of a part, one without an exact flow."""
+    """Gradient of Hamiltonian number k of a part, one without an exact flow."""
 
 
 @method
 def hessian(part, model, k, y, v):
-    """The Hessian of that Hamiltonian times v."""
+    """Hessian of that Hamiltonian times v."""
 
 
 class Drift(NamedTuple):
-    """The flows of H_1, ..., H_p."""
+    """Flows of H_1, ..., H_p."""
 
     flow, angle = calling(drift_flow, "part"), calling(drift_angle, "part")
     gradient, hessian = calling(piece_gradient, "part"), calling(piece_hessian, "part")
 
 
 class Noise(NamedTuple):
-    """The flows of Ĥ_1, ..., Ĥ_m; a noise that is off is left out."""
+    """Flows of Ĥ_1, ..., Ĥ_m; a noise that is off is left out."""
 
     flow, angle = calling(noise_flow, "part"), calling(noise_angle, "part")
     gradient, hessian = calling(noise_gradient, "part"), calling(noise_hessian, "part")
 
 
 class Joint(NamedTuple):
-    """The flows of H_1, ..., H_p, each together with those of the noises of its family."""
+    """Flows of H_1, ..., H_p, each together with those of the noises of its family."""
 
 
 class Together(NamedTuple):
-    """The flows of the lanes in a stage of joint flows; t = (time of the piece, times of its noises)."""
+    """Flows of the lanes in a stage of joint flows; t = (time of the piece, times of its noises)."""
 
     time: float | None  #: of the piece; None where it differs from lane to lane
     count: NamedTuple  #: the number of noises joined to the piece, as one of INDICES
@@ -112,11 +112,11 @@ class Together(NamedTuple):
 
 
 class Friction(NamedTuple):
-    """The friction along the noises, see ``ensemble/protocol.py``; nothing for a model without a temperature."""
+    """Friction along the noises, see ``ensemble/protocol.py``; nothing for a model without a temperature."""
 
 
 class Loops(NamedTuple):
-    """The loops of flows of pairs of noises that do not commute, see the head of this file."""
+    """Loops of flows of pairs of noises that do not commute, see the head of this file."""
 
 
 class Areas(NamedTuple):
@@ -213,7 +213,7 @@ def _eighths(order, fraction, shared):
 
 
 class _StageType(NamedTuple):
-    """The properties of a stage that its Numba type determines."""
+    """Properties of a stage that its Numba type determines."""
 
     part: str
     order: type
@@ -223,7 +223,7 @@ class _StageType(NamedTuple):
 
 
 def stages_known(stages):
-    """The `_StageType` of each of some stages, given these or their Numba type."""
+    """`_StageType` of each of some stages, given these or their Numba type."""
     types = []
     for stage in stages:
         part, order, coin, shared, length = (
@@ -234,7 +234,7 @@ def stages_known(stages):
 
 
 def indices_of(model):
-    """The indices of the flows of each part."""
+    """Indices of the flows of each part."""
     return {
         "drift": piece_indices(model),
         "noise": noise_indices(model),
@@ -257,7 +257,7 @@ class Sweep(NamedTuple):
 
 
 def flows_in_order(stages, indices, coin=1):
-    """The :class:`Sweep` of each flow of a path with this coin, without times, the first flow to act first.
+    """:class:`Sweep` of each flow of a path with this coin, without times, the first flow to act first.
 
     `indices` = {"drift": numbers of the pieces, "noise": numbers of the noises that are on, "joint": those of both with
     their parts, "loops" and "areas": pairs of noises}, and k is one of them.
@@ -287,7 +287,7 @@ def flow_counts(stages, model):
 
 
 def noises_moving(part, k, model):
-    """The noises whose flow, or joint flow, number k of a part is; None in the place of one that is off."""
+    """Noises whose flow, or joint flow, number k of a part is; None in the place of one that is off."""
     if part == "joint":
         on = noise_indices(model)
         return tuple(j if j in on else None for j in joined_noises(model, k))
@@ -374,7 +374,7 @@ def is_own_reverse(stages, model):
 
 
 def with_friction(stages):
-    """The stages with friction, unchanged if they have some.
+    """Stages with friction, unchanged if they have some.
 
     Friction acts before the noise; where the coin reverses the order of all flows, half before and half after it.
     """
@@ -390,7 +390,7 @@ def with_friction(stages):
 
 
 def substeps(stages):
-    """The number of sub-steps, 1, 2, 4 or 8, into which a step is resolved so that each noise flow has whole ones."""
+    """Number of sub-steps, 1, 2, 4 or 8, into which a step is resolved so that each noise flow has whole ones."""
     noise = [stage for stage in stages_known(stages) if stage.length and not stage.shared]
     lengths = [stage.length // (2 if stage.order is Symmetric else 1) for stage in noise]
     return FINEST // math.gcd(FINEST, *lengths)
@@ -402,13 +402,13 @@ def substeps(stages):
 
 
 class ShareOfWhole(NamedTuple):
-    """The time of a noise flow that shares the increment of the whole step."""
+    """Time of a noise flow that shares the increment of the whole step."""
 
     share: float
 
 
 def with_times(flows, stages, model=None):
-    """The flows of :func:`flows_in_order` with their times; without joint flows they need no model."""
+    """Flows of :func:`flows_in_order` with their times; without joint flows they need no model."""
     by_number = stages_known(stages)
     used = Counter()  # sub-steps of each Wiener process
 
@@ -428,7 +428,7 @@ def with_times(flows, stages, model=None):
 
 
 class Lacking(NamedTuple):
-    """The area of a pair that the noise flows lack, see the head of this file."""
+    """Area of a pair that the noise flows lack, see the head of this file."""
 
     noises: tuple[int, int]  #: (k, l), k < l
     pair: int  #: the number of the pair among those of which there are areas
@@ -438,14 +438,14 @@ class Lacking(NamedTuple):
 
 
 class LoopTime(NamedTuple):
-    """The time of a flow of a loop."""
+    """Time of a flow of a loop."""
 
     lacking: tuple[Lacking, ...]  #: the areas that the loop supplies; its flows are those of the first pair
     place: int  #: of the flow in the loop, from 0
 
 
 def sweeps(stages, model):
-    """The :class:`Sweep` of each flow of a step, those of a coin on the lanes with it.
+    """:class:`Sweep` of each flow of a step, those of a coin on the lanes with it.
 
     The time is None for drift; for noise it is (first, end, n), the increments over the sub-steps from `first` to
     before `end` where a step has n of them, with the least n that will do, or a :class:`ShareOfWhole`.  It does not
@@ -471,13 +471,13 @@ def sweeps(stages, model):
 
 
 def _lacking(pairs, shares, model):
-    """The areas that some pairs lack, given the shares of the noises in the whole step."""
+    """Areas that some pairs lack, given the shares of the noises in the whole step."""
     every = list(itertools.combinations(range(noises(model)), 2))
     return [Lacking(pair, p, len(pairs), every.index(pair), _before(shares, *pair)) for p, pair in enumerate(pairs)]
 
 
 def _loops(i, groups):
-    """The flows of the loops of stage i, one loop for each group of lacking areas."""
+    """Flows of the loops of stage i, one loop for each group of lacking areas."""
     return [
         Sweep(i, "noise", k, 1.0, 0, LoopTime(group, place))
         for group in groups
@@ -495,5 +495,5 @@ def _shares(every):
 
 
 def _before(shares, k, j):
-    """The products of the shares of noise k and noise j, added up over all flows of k before one of j."""
+    """Products of the shares of noise k and noise j, added up over all flows of k before one of j."""
     return sum(a * b for i, (n, a) in enumerate(shares) for m, b in shares[i + 1 :] if (n, m) == (k, j))

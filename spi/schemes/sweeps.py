@@ -87,7 +87,7 @@ def is_idle_above(largest, report):
 
 @device(by_type=True)
 def sweep(part, index, model, y, t, report):
-    """The flow number ``number(index)`` of a part for the time t, a number or one per lane, on all lanes.
+    """Flow number ``number(index)`` of a part for the time t, a number or one per lane, on all lanes.
 
     Returns the bits of the largest |angle| in it, of the lanes in use if that is one to report.
     """
@@ -108,7 +108,7 @@ def _sweep(part, index, model, y, t, report):
 
 @device(inline=False)
 def angle_in_use(part, index, model, y, t, report):
-    """The bits of the largest |angle| of the lanes in use: of few steps, so that the others need no mask."""
+    """Bits of the largest |angle| of the lanes in use: of few steps, so that the others need no mask."""
     largest, (first, end) = 0, lanes_in_use(report)
     for lane in range(first, end):
         state = load_lane(model, y, lane)
@@ -194,7 +194,7 @@ _TABLES = {Drift: drift_tables, Noise: noise_tables}
 
 
 def table_of(part, index, model):
-    """The table of a flow, () if there is none, given records or their Numba types."""
+    """Table of a flow, () if there is none, given records or their Numba types."""
     tables = _TABLES[class_of(part)](model) if class_of(part) in _TABLES else ()
     k = number(class_of(index)())
     return tables[k] if k < len(tables) else ()
@@ -207,7 +207,7 @@ def places(rows):
 
 @functools.lru_cache
 def table_sweep(table):
-    """The function that takes the place of ``sweep`` for the flow with this table."""
+    """Function that takes the place of ``sweep`` for the flow with this table."""
     lines, names = ["def in_rows(part, index, model, y, t, report):", "largest = 0"], {}
     turning, in_use = [], []
     for n, (shape, count, rows) in enumerate(table):
@@ -229,7 +229,7 @@ def table_sweep(table):
 
 @device(inline=False)
 def angle_in_rows(shape, size, model, y, t, rows, first, end):
-    """The bits of the largest |angle| of a shape in some rows, in the lanes from `first` to before `end`."""
+    """Bits of the largest |angle| of a shape in some rows, in the lanes from `first` to before `end`."""
     largest = 0
     for row in range(rows.shape[0]):
         at = places_in(size, rows, row)
@@ -257,7 +257,7 @@ turn_rows = device(inline=False)(by_size(turn_rows_within))
 
 
 def table_friction(shape, row, is_linear):
-    """The function that takes the place of ``friction_times`` for the noise with this shape and row."""
+    """Function that takes the place of ``friction_times`` for the noise with this shape and row."""
     shape, size, rows = INDICES[shape](), INDICES[len(row)](), places([row])
     if is_linear:
         return lambda index, model, t, y, times: friction_in_rows(
@@ -270,7 +270,7 @@ def table_friction(shape, row, is_linear):
 
 @device(inline=False)
 def friction_in_rows(shape, size, model, rate, t, y, times, rows):
-    """The times of a noise of which the friction has this rate, or where t is None this :func:`linear_share`."""
+    """Times of a noise of which the friction has this rate, or where t is None this :func:`linear_share`."""
     durations, at = lanes_of(INDICES[1]()), places_in(size, rows, 0)
     for lane in range(LANES):
         slope, bend = shape_slopes(model, number(shape), load_at(model, at, y, lane))
@@ -285,7 +285,7 @@ def time_along(rate, t, slope, bend):
 
 @device
 def copy_lanes(source, begin, target, at):
-    """The floats of all lanes from one place to another."""
+    """Floats of all lanes from one place to another."""
     for lane in range(0, LANES, WIDTH):
         store(target, at + lane, load(source, begin + lane))
 
@@ -319,7 +319,7 @@ def _first(entry, parameters, count):
 
 
 def load_at(model, at, y, lane):
-    """The components of one lane that begin at these places, as a tuple with 0 behind them, see `row_length`."""
+    """Components of one lane that begin at these places, as a tuple with 0 behind them, see `row_length`."""
     return tuple(float(y[place + lane]) for place in at) + (0.0,) * (row_length(model) - len(at))
 
 

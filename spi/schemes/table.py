@@ -1,4 +1,4 @@
-"""The table of the schemes: orders, properties and costs of each, an entry for each name that experiments use."""
+"""Table of the schemes: orders, properties and costs of each, an entry for each name that experiments use."""
 
 import math
 from collections.abc import Callable
@@ -54,7 +54,7 @@ _LARGE_SOLVE = 4  # iterations of an array-state model, over those of Newton's m
 
 
 def _flows(stages, model):
-    """The number of flows of a composition; an inner step counts as 8 flows for each three components.
+    """Number of flows of a composition; an inner step counts as 8 flows for each three components.
 
     The noises of a model whose flows move a lattice in place are together one flow, and so is their friction.
     """
@@ -108,7 +108,7 @@ class Scheme(NamedTuple):
 
     @property
     def composition(self):
-        """The stages of which a step consists, None for a scheme that is no composition of flows."""
+        """Stages of which a step consists, None for a scheme that is no composition of flows."""
         return getattr(self.record, "stages", None)
 
     @property

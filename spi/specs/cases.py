@@ -71,8 +71,8 @@ from .keys import (
 )
 from .models import Model, check_words, name_of
 from .names import CodeKeys, Taken, check_values, named_in, numbers_of
-from .noise import Noise
-from .sweep import PLACES, SWEEP, Swept, check_shown
+from .noise import NoiseKey
+from .sweep import PLACES, SWEEP, SweptKey, check_shown
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
 CLIP = (
@@ -82,7 +82,7 @@ CLIP = (
 
 
 class FunctionKeys(CodeKeys):
-    """The test functions of a case."""
+    """Test functions of a case."""
 
     functions: key_of(
         Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2, energy: H}, or the text of one named phi"
@@ -94,7 +94,7 @@ class FunctionKeys(CodeKeys):
 
     @property
     def expressions(self) -> tuple:
-        """The trees of the test functions, in the order of their names."""
+        """Trees of the test functions, in the order of their names."""
         return tuple(map(self._parsed, self.functions.values()))
 
     def _parsed(self, text: str, names: tuple[str, ...] = ()) -> Any:
@@ -122,7 +122,7 @@ class FunctionKeys(CodeKeys):
         return True
 
     def _tree(self, name: str, text: str) -> Any:
-        """The tree of a test function."""
+        """Tree of a test function."""
         try:
             tree = self._parsed(text, self.variables)
             if is_constant(tree):
@@ -137,7 +137,7 @@ class FunctionKeys(CodeKeys):
 
 
 def with_others(case: Any, entries: Mapping[str, Any], key: str = "functions") -> dict[str, Any]:
-    """The entries of a key of formulas by name, names of others being their formulas.
+    """Entries of a key of formulas by name, names of others being their formulas.
 
     A function may be called like what it is, as in {H: H}, but not like something else that formulas can name.
     """
@@ -151,7 +151,7 @@ def with_others(case: Any, entries: Mapping[str, Any], key: str = "functions") -
 
 
 class BaseCase(Keys):
-    """The keys of all kinds; a spec file gives all fields but the first two."""
+    """Keys of all kinds; a spec file gives all fields but the first two."""
 
     name: str
     title: str
@@ -168,10 +168,10 @@ class BaseCase(Keys):
     compositions: key_of(Compositions, "custom splitting schemes, as in {mine: [noise 1/2, drift 1, noise 1/2]}") = (
         pydantic.Field(default_factory=dict)
     )
-    noise: key_of(Noise, "what drives the noises, as in {kind: brownian}, which is the default") = None
+    noise: key_of(NoiseKey, "what drives the noises, as in {kind: brownian}, which is the default") = None
     areas: key_of(Literal[HOW], f"how Lévy areas are drawn: {' or '.join(HOW)}, right in law only") = "exact"
     expect: key_of(Expect, "what must come out, as in {splitting: {order: 1/2}}") = ()
-    sweep: key_of(Swept, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
+    sweep: key_of(SweptKey, SWEEP) = pydantic.Field(default=None, exclude=True)  # its values are cases of their own
 
     #: The keys that decide no path of a part: names, numbers of paths, other parts, derived quantities and figures.
     neutral: ClassVar[frozenset[str]] = frozenset(
@@ -199,20 +199,20 @@ class BaseCase(Keys):
         schemes: tuple[str, ...]
 
     def row(self, scheme: str, eps: float | None = None) -> Scheme:
-        """The entry of a scheme by its name: of a composition of the case, or in the table of schemes."""
+        """Entry of a scheme by its name: of a composition of the case, or in the table of schemes."""
         entry = self.compositions.get(scheme) or with_eps(SCHEMES[scheme], eps)
         if not isinstance(entry, Scheme):
             entry = composed(scheme, entry, weak_order(entry, self.model))
         return of_model(entry, self.model)
 
     def reference_record(self, eps: float | None) -> Any:
-        """The record of the scheme that makes the reference of one with this eps; None if each makes its own."""
+        """Record of the scheme that makes the reference of one with this eps; None if each makes its own."""
         name: str | None = getattr(self, "reference_scheme", None)
         return self.row(name, eps or 0.0).record if name else None
 
     @property
     def schemes_used(self) -> tuple[str, ...]:
-        """The schemes, and that of the reference if there is one."""
+        """Schemes, and that of the reference if there is one."""
         name: str | None = getattr(self, "reference_scheme", None)
         return (*self.schemes, name) if name else self.schemes
 
@@ -223,27 +223,27 @@ class BaseCase(Keys):
 
     @property
     def limiting(self) -> tuple[str, ...]:
-        """The names that may limit a claim: h, eps where there is one, and swept parameters."""
+        """Names that may limit a claim: h, eps where there is one, and swept parameters."""
         return ("h", *["eps"] * (self.eps is not None), *(self.sweep.parameters if self.sweep else ()))
 
     @property
     def owner(self) -> str:
-        """The name of the case, or of that which is swept if it is one of its values."""
+        """Name of the case, or of that which is swept if it is one of its values."""
         return (self.sweep and self.sweep.case) or self.name
 
     @property
     def scopes(self) -> list[str]:
-        """The names to which a claim may be restricted: entries of the keys :attr:`scoping`."""
+        """Names to which a claim may be restricted: entries of the keys :attr:`scoping`."""
         return [entry for key in self.scoping for entry in getattr(self, key)]
 
     @property
     def claims(self) -> tuple[Claim, ...]:
-        """The claims of ``expect``."""
+        """Claims of ``expect``."""
         return claims(self)
 
     @property
     def variables(self) -> tuple[str, ...]:
-        """The names of the components; () if the system gives them none."""
+        """Names of the components; () if the system gives them none."""
         return tuple(component_names(self.model))
 
     @property
@@ -254,22 +254,22 @@ class BaseCase(Keys):
 
     @property
     def driver(self) -> str:
-        """The process that drives the noises in place of Brownian motion, in words; empty if that does."""
+        """Process that drives the noises in place of Brownian motion, in words; empty if that does."""
         return self.noise.text if self.noise else ""
 
     @property
     def laws_shown(self) -> tuple[str, ...]:
-        """The panels about a stationary law, which is known without damping and temperature only."""
+        """Panels about a stationary law, which is known without damping and temperature only."""
         return ()
 
     @property
     def noise_steps(self) -> tuple[float, ...]:
-        """The step sizes for which increments are drawn; those of larger steps are sums of them."""
+        """Step sizes for which increments are drawn; those of larger steps are sums of them."""
         raise NotImplementedError
 
     @property
     def wanted_paths(self) -> int:
-        """The number of paths whose noise is drawn."""
+        """Number of paths whose noise is drawn."""
         return getattr(self, "samples", None) or 1
 
     def check_driven(self) -> None:
@@ -285,7 +285,7 @@ class BaseCase(Keys):
 
     @property
     def parameters(self) -> dict[str, Any]:
-        """The parameters of the model by name, and the damping or temperature where there is one."""
+        """Parameters of the model by name, and the damping or temperature where there is one."""
         values = dict(parameters(undamped(self.model)))
         for key, value in values.items():
             if hasattr(value, "_fields"):
@@ -297,12 +297,12 @@ class BaseCase(Keys):
 
     @property
     def last_time(self) -> float:
-        """The time at which the longest paths end."""
+        """Time at which the longest paths end."""
         raise NotImplementedError
 
     @condition
     def _check_dissipation(self) -> Self:
-        """The case with its damping or its temperature in the record of the model."""
+        """Case with its damping or its temperature in the record of the model."""
         return self.model_copy(update={"model": _dissipative(self)})
 
     @pydantic.model_serializer(mode="wrap")
@@ -339,7 +339,7 @@ class BaseCase(Keys):
 
     @condition
     def _check_needs(self) -> None:
-        """The facts that schemes need hold for the model."""
+        """Facts that schemes need hold for the model."""
         if noises(self.model) > MOST_NOISES and not self.in_parts:
             right = (
                 f"paths have at most {MOST_NOISES}; one path of a large lattice is for the kind trajectory, and "
@@ -368,7 +368,7 @@ class BaseCase(Keys):
             raise wrong(fault, "use another", "schemes")
 
     def _check_facts(self, name: str) -> None:
-        """The fact that a scheme ``needs``, if any, holds for the model."""
+        """Fact that a scheme ``needs``, if any, holds for the model."""
         if not (needs := self.row(name).needs):
             return
         if needs is has_bath and not needs(self.model):
@@ -434,7 +434,7 @@ class StepCase(BaseCase):
 
     @property
     def noise_steps(self) -> tuple[float, ...]:
-        """The step."""
+        """Step."""
         return (self.step,)
 
     @condition
@@ -443,7 +443,7 @@ class StepCase(BaseCase):
 
 
 class ErrorCase(BaseCase):
-    """The keys of errors against step sizes."""
+    """Keys of errors against step sizes."""
 
     final_time: key_of(Positive, "final time T, a multiple of every step", "time")
     steps: key_of(Steps, "step sizes, a list or a range such as 2^-5 .. 2^-13", "time")
@@ -462,12 +462,12 @@ class ErrorCase(BaseCase):
 
     @property
     def noise_steps(self) -> tuple[float, ...]:
-        """The reference step."""
+        """Reference step."""
         return (self.reference_step,)
 
     @condition
     def _check_steps(self) -> Self:
-        """The case with its steps from large to small."""
+        """Case with its steps from large to small."""
         check_count(self.final_time, self.reference_step, "reference_step")
         steps = [dyadic(self, h) for h in self.steps]
         if len(set(steps)) < len(steps):
@@ -483,7 +483,7 @@ class ErrorCase(BaseCase):
 
 
 class FunctionsCase(FunctionKeys, ErrorCase):
-    """The keys of errors of expectations of test functions."""
+    """Keys of errors of expectations of test functions."""
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -492,7 +492,7 @@ class FunctionsCase(FunctionKeys, ErrorCase):
 
 
 def _damped(case: Any) -> Any:
-    """The record of the model of a case, with its damping; raises the error about it if it cannot be."""
+    """Record of the model of a case, with its damping; raises the error about it if it cannot be."""
     if large(case.model):
         raise wrong(f"is for models of few components, which {case.model_name} is not", "leave it out", "damping")
     degrees = casimir_degrees(case.model)
@@ -509,14 +509,14 @@ def _damped(case: Any) -> Any:
 
 
 def _dissipative(case: Any) -> Any:
-    """The record of the model of a case with its damping or at its temperature."""
+    """Record of the model of a case with its damping or at its temperature."""
     if math.isfinite(case.temperature):
         return _thermal(case)
     return _damped(case) if case.damping else case.model
 
 
 def _thermal(case: Any) -> Any:
-    """The record of the model of a case at its temperature; raises the error about it if it cannot be."""
+    """Record of the model of a case at its temperature; raises the error about it if it cannot be."""
     model, temperature = case.model, case.temperature
     if temperature == 0:
         right = "for selective decay at the rate gamma take a small one, T, and sigma = sqrt(2*gamma*T)"

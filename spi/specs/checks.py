@@ -70,7 +70,7 @@ def check_every(case: Any) -> None:
 
 
 def times_on_grid(case: Any, between: float, of: str, times: Sequence[float], *keys: str) -> tuple[float, ...]:
-    """The `times` of a key in their order, as exact multiples of `between`; `of` stands around it in a message."""
+    """`times` of a key in their order, as exact multiples of `between`; `of` stands around it in a message."""
     before, behind = of.split("{}")
 
     for i, t in enumerate(times):
@@ -88,7 +88,7 @@ def times_on_grid(case: Any, between: float, of: str, times: Sequence[float], *k
 
 
 def wrong_scheme(case: Any, name: str, fault: str, right: str) -> PydanticCustomError:
-    """The error about a scheme, which stands under ``schemes`` or ``reference_scheme``."""
+    """Error about a scheme, which stands under ``schemes`` or ``reference_scheme``."""
     has, key = ("has", "schemes") if name in case.schemes else ("is", "reference_scheme")
     return wrong(f"{has} '{name}', {fault}", right, key)
 

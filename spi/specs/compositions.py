@@ -1,4 +1,4 @@
-"""The key ``compositions``: splitting schemes of the user's own, as stages.
+"""Key ``compositions``: splitting schemes of the user's own, as stages.
 
     compositions:
       strang: [noise 1/2, drift 1, noise 1/2]
@@ -50,25 +50,25 @@ from .models import class_in
 # Classes in Python files
 # ---------------------------------------------------------------------------------------------------------------------
 
-Order = Annotated[float, Ge(0), Le(8)]
+ClaimedOrder = Annotated[float, Ge(0), Le(8)]
 
 _PRESERVES = "what tables say that it preserves"
 
 
 class Told(Keys):
-    """The keys of an entry besides the fields of the class."""
+    """Keys of an entry besides the fields of the class."""
 
     python: str
     name: str
-    strong_order: key_of(Order | None, "strong order with noises that do not commute, if it is known") = None
-    strong_order_commuting: key_of(Order | None, "strong order with one noise, or noises that commute") = None
-    weak_order: key_of(Order | None, "weak order, if it is known") = None
+    strong_order: key_of(ClaimedOrder | None, "strong order with noises that do not commute, if it is known") = None
+    strong_order_commuting: key_of(ClaimedOrder | None, "strong order with one noise, or noises that commute") = None
+    weak_order: key_of(ClaimedOrder | None, "weak order, if it is known") = None
     preserves: key_of(str, _PRESERVES) = "nothing"
     needs_truncation: key_of(pydantic.StrictBool, "whether it needs bounded increments") = False
 
 
 def read_scheme(data: dict[str, Any], files: Files) -> Scheme:
-    """The entry of the table of schemes for a class in a Python file, but for its label."""
+    """Entry of the table of schemes for a class in a Python file, but for its label."""
     cls = class_in(data, files, "NamedTuple with a method advance, see docs/own_schemes.md")
     try:
         check_class(cls, "scheme", data["name"])
@@ -104,7 +104,7 @@ def check_steps(compositions: dict[str, Any], model: Any, initial: tuple[float, 
                 raise wrong(f"is {entry.reference}: {complaint}", "correct the class", "compositions", name)
 
 
-Stages = tuple[Flows, ...]
+CompositionKey = tuple[Flows, ...]
 
 _MOST_STAGES = 16  # each becomes compiled code of its own
 _OF_VARIANTS = ("eps", "extrapolated")  # second words in the names of variants of a scheme
@@ -116,7 +116,7 @@ _NAMES = {type(record): name for name, record in (*PARTS.items(), *ORDERS.items(
 
 
 def _stage(n: int, text: Any) -> Flows:
-    """The stage that entry `n` stands for."""
+    """Stage that entry `n` stands for."""
     part, *words = (text.split() if isinstance(text, str) else []) or [""]
     if part in _SUPPLYING and not words:
         return flows(part)
@@ -136,7 +136,7 @@ def _stage(n: int, text: Any) -> Flows:
 
 
 def _divided(words: list[str]) -> tuple[list[str], list[str]]:
-    """The words of the fraction, which has one at least, and those after it."""
+    """Words of the fraction, which has one at least, and those after it."""
     last = len(words)
     while last > 1 and words[last - 1].isalpha():
         last -= 1
@@ -144,7 +144,7 @@ def _divided(words: list[str]) -> tuple[list[str], list[str]]:
 
 
 def _order(n: int, text: str, further: list[str]) -> str:
-    """The order of flows among the words after the fraction, each of which may stand there once."""
+    """Order of flows among the words after the fraction, each of which may stand there once."""
     if unknown := next((word for word in further if word not in _WORDS), None):
         raise wrong(f"is {shown(text)} with the word '{unknown}'", suggestion(unknown, _WORDS), n)
     orders = [word for word in further if word in ORDERS] or ["forwards"]
@@ -161,7 +161,7 @@ def _fraction(text: str) -> float:
 
 
 def _entry(value: Any, info: pydantic.ValidationInfo) -> Any:
-    """The stages that some texts stand for, or the entry of a scheme in a Python file."""
+    """Stages that some texts stand for, or the entry of a scheme in a Python file."""
     if isinstance(value, dict) and "python" in value:
         return read_scheme(value, cast(Files, info.context))
     if not isinstance(value, list):
@@ -188,8 +188,8 @@ def _name(name: str) -> str:
     return name
 
 
-def weak_order(stages: Stages, model: Any) -> float:
-    """The weak order of stages: 2 where any two flows act in either order for one half of the step, otherwise 1.
+def weak_order(stages: CompositionKey, model: Any) -> float:
+    """Weak order of stages: 2 where any two flows act in either order for one half of the step, otherwise 1.
 
     With noise it cannot be higher (Goldman and Kaper, SIAM Journal on Numerical Analysis 33, 1996), since noise has no
     negative fractions.  NaN without noise, where it can.  With loops it is 1: the mean of noise flows and loops
@@ -210,13 +210,13 @@ def weak_order(stages: Stages, model: Any) -> float:
 
 @functools.lru_cache(maxsize=64)
 def _weak_order(acting: Any, families: tuple[tuple[int, ...], ...]) -> float:
-    """The order, where a piece and its noises commute."""
+    """Order, where a piece and its noises commute."""
     words = words_of(acting, lambda part, k: True)
     family = {("noise", j): ("drift", k) for k, noises_of in enumerate(families) for j in noises_of}
     return float(order_of_words(words, commute=lambda a, b: family.get(a, a) == family.get(b, b)))
 
 
-def _plain(entry: Stages | Scheme) -> Any:
+def _plain(entry: CompositionKey | Scheme) -> Any:
     """A scheme as all that decides its results, stages as one text each, whatever they were read from."""
     return plain_scheme(entry) if isinstance(entry, Scheme) else [_text(stage) for stage in entry]
 

@@ -52,7 +52,7 @@ class Document:
             self.data = {key: self.data}
 
     def at(self, loc: Location) -> Any:
-        """The value at a location."""
+        """Value at a location."""
         return reduce(getitem, loc, self.data)
 
     def depth(self, loc: Location) -> int:
@@ -87,7 +87,7 @@ class Document:
         self.fail(top, f"{fault}; check brackets, quotes, colons and indentation here")
 
     def _value(self, node: yaml.Node, loc: Location, around: tuple[yaml.Node, ...]) -> Any:
-        """The value of a node at a location; `around` are the nodes that contain it."""
+        """Value of a node at a location; `around` are the nodes that contain it."""
         self.left -= 1
         if self.left < 0 or node in around:
             more = "; longer values stand in files, as in initial: {file: y0.npy}" if "initial" in loc else ""
@@ -136,7 +136,7 @@ class Document:
 
 
 def text_of(path: str | Path, names: Iterable[str] = ()) -> str:
-    """The text of a file; `names` might have been given in the place of a path."""
+    """Text of a file; `names` might have been given in the place of a path."""
     try:
         data = contents(path, _MOST_BYTES)
     except FileNotFoundError:
@@ -167,7 +167,7 @@ def _meant(path: Path, names: Iterable[str]) -> str:
 
 
 def override(called: str, text: str) -> Document:
-    """The document that "a.b=value" stands for, or "--key=value" if the key is an option of its own.
+    """Document that "a.b=value" stands for, or "--key=value" if the key is an option of its own.
 
     Messages begin with the spec that it overrides, which is `called` so.
     """

@@ -1,4 +1,4 @@
-"""The key ``expect``: claims about the results.
+"""Key ``expect``: claims about the results.
 
     expect:
       splitting: {order: 1/2, casimir_drift: 1e-12}
@@ -58,7 +58,7 @@ def _read(value: Any, path: tuple[str, ...] = ()) -> tuple[tuple[tuple[str, ...]
 
 
 def _stated(value: Any, path: tuple[str, ...]) -> Stated:
-    """The number that a text stands for."""
+    """Number that a text stands for."""
     parts = _LEAF.fullmatch(value) if isinstance(value, str) else None
     sense, number, tolerance = parts.groups() if parts else (None, "", None)
     try:
@@ -91,7 +91,7 @@ def without(expect: Any, names: Iterable[str]) -> Any:
 
 
 def names_in(key: str, listed: Any) -> set[str]:
-    """The names, as claims have them, of the entries that a spec has under one of the keys :data:`NAMING`."""
+    """Names, as claims have them, of the entries that a spec has under one of the keys :data:`NAMING`."""
     if isinstance(listed, str) and key != "extrapolate":
         return {"phi"}
     entries = [listed] if isinstance(listed, str) else listed if isinstance(listed, list | dict) else []
@@ -99,7 +99,7 @@ def names_in(key: str, listed: Any) -> set[str]:
 
 
 def claims(case: Any) -> tuple[Claim, ...]:
-    """The claims of a case; raises the error about the first that is wrong."""
+    """Claims of a case; raises the error about the first that is wrong."""
     if case.expect and not case.quantities:
         raise wrong(
             "is not possible for this kind of experiment, which has no quantities to judge", "remove it", "expect"

@@ -22,13 +22,12 @@ from annotated_types import Ge, MinLen
 from pydantic import ValidationError, create_model
 from pydantic_core import PydanticCustomError
 
-from ..plugins import lacking
 from ..statistics import claims
 from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Location, SpecError, about, override, text_of
 from .files import Files
-from .keys import ABSENT, CaseName, Keys, attempt, key_of, one_of, shown, suggestion, wrong
+from .keys import ABSENT, CaseName, Keys, attempt, check_here, key_of, one_of, suggestion
 from .models import ModelPart, check_overrides, is_another, overridden, source_of
 from .naming import results_name
 
@@ -49,7 +48,7 @@ _LATER = pydantic.WrapValidator(lambda value, read: value)
 
 
 def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Keys]]:
-    """The classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""
+    """Classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""
     hints = get_type_hints(case_class, include_extras=True)
     keys = [k for k in case_class.model_fields if k not in ("name", "title")]
     read = {k: Annotated[hints[k], _LATER] for k in keys} | {"model": ModelPart, "sweep": hints["sweep"]}
@@ -76,14 +75,14 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
 
 
 class Layers:
-    """The readers of the layers of spec files, by kind of experiment, each made when a file of its kind is read."""
+    """Readers of the layers of spec files, by kind of experiment, each made when a file of its kind is read."""
 
     def __init__(self, kinds: Mapping[str, Any]) -> None:
         self.kinds = kinds  #: name -> folder of the kind, whose ``keys.Case`` is the class of a complete case
         self._made: dict[str, tuple[type[Keys], type[Keys]]] = {}
 
     def case(self, kind: str) -> type[BaseCase]:
-        """The class of a complete case."""
+        """Class of a complete case."""
         case: type[BaseCase] = self.kinds[kind].keys.Case
         return case
 
@@ -93,7 +92,7 @@ class Layers:
         return self._made[kind]
 
     def profile(self, kind: str) -> type[Keys]:
-        """The class of a profile or an override."""
+        """Class of a profile or an override."""
         return self._of(kind)[0]
 
     def read(self, data: Any) -> Any:
@@ -104,25 +103,25 @@ class Layers:
 
     @property
     def _any(self) -> pydantic.TypeAdapter:
-        """The reader of a file of any kind."""
+        """Reader of a file of any kind."""
         files: Any = one_of([self._of(kind)[1] for kind in self.kinds], "kind", self.kinds)
 
         def check(data: Any) -> Any:
-            if isinstance(data, dict) and (advice := lacking("kinds", data.get("kind"))):
-                raise wrong(f"is {shown(data['kind'])}", advice, "kind")
+            if isinstance(data, dict):
+                check_here("kinds", data.get("kind"), "kind")
             return data
 
         whole: Any = Annotated[files, pydantic.BeforeValidator(check)]
         return pydantic.TypeAdapter(whole)
 
     def json_schema(self) -> dict[str, Any]:
-        """The JSON Schema (draft 2020-12) of spec files, for editors; it knows no conditions between keys."""
+        """JSON Schema (draft 2020-12) of spec files, for editors; it knows no conditions between keys."""
         schema = {"$schema": "https://json-schema.org/draft/2020-12/schema", **self._any.json_schema()}
         return {**schema, "title": "An experiment of spi"}
 
 
 def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
-    """The mapping `below` with what `above` has in its place."""
+    """Mapping `below` with what `above` has in its place."""
     result = {**below, **above}
     if "model" in below and "model" in above:
         old, new = below["model"], above["model"]
@@ -140,7 +139,7 @@ def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 class Heading(NamedTuple):
-    """The heading of an experiment."""
+    """Heading of an experiment."""
 
     title: str
     figure: int | None  #: of the paper
@@ -149,7 +148,7 @@ class Heading(NamedTuple):
 
 
 def heading(path: str | Path, kinds: Layers) -> Heading | None:
-    """The heading of the spec in the file `path`; None if the spec is not valid, which :func:`spi.specs.load` explains.
+    """Heading of the spec in the file `path`; None if the spec is not valid, which :func:`spi.specs.load` explains.
 
     Only its keys are looked at: models and initial states can take seconds.
     """
@@ -192,12 +191,12 @@ class Experiment(NamedTuple):
 
     @property
     def results_name(self) -> str:
-        """The name of its results, see :mod:`spi.specs.naming`."""
+        """Name of its results, see :mod:`spi.specs.naming`."""
         return results_name(self.name, self.profile, self.overrides)
 
     @property
     def samples(self) -> tuple[int, ...]:
-        """The number of samples of each case, 0 where there is none."""
+        """Number of samples of each case, 0 where there is none."""
         return tuple(getattr(case, "samples", None) or 0 for case in self.cases)
 
 
@@ -222,7 +221,7 @@ def load(
     added: Iterable[tuple[str, str]] = (),
     title: str = "",
 ) -> Experiment:
-    """The experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
+    """Experiment in the file `path`; `kinds` are the :class:`Layers` of the kinds that it may be of.
 
     Messages begin with ``path:line:``, or with ``called: line n:`` if the file is `called` by a name.
 
@@ -278,18 +277,18 @@ def load(
 
 
 def _printable(stem: str) -> str:
-    """The stem of a file name, which need not be Unicode."""
+    """Stem of a file name, which need not be Unicode."""
     return "".join(c if c.isprintable() else "?" for c in stem)
 
 
 def _deciding(cases: Sequence[BaseCase]) -> dict[str, Any]:
-    """The keys of each case that decide its results, by its name: neither titles nor claims, nor what is empty."""
+    """Keys of each case that decide its results, by its name: neither titles nor claims, nor what is empty."""
     omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
     return {case.name: case.model_dump(exclude=keys) for case, keys in zip(cases, omitted, strict=True)}
 
 
 def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Document:
-    """The text of an experiment as plain data; `place` precedes the numbers of lines in messages."""
+    """Text of an experiment as plain data; `place` precedes the numbers of lines in messages."""
     document = Document(text, lambda line: f"{place}{line}:")
     if document.data is None:
         document.fail((), f"the file is empty; start with a line kind: {' or '.join(kinds.kinds)}")
@@ -322,7 +321,7 @@ def _cases(
     owners: dict[str, Owner],
     above: Sequence[Layer],
 ) -> tuple[BaseCase, ...]:
-    """The records of all cases of a file, with the layers `above`."""
+    """Records of all cases of a file, with the layers `above`."""
     built: list[BaseCase] = []
     for name, (_, title) in owners.items():
         layers = _layers_of(name, file, owners, above)
@@ -342,7 +341,7 @@ def _cases(
 
 
 def _layers_of(name: str, file: Document, owners: dict[str, Owner], above: Sequence[Layer]) -> list[Layer]:
-    """The layers of a case, from low to high: the file, its own keys, and the same of those `above`."""
+    """Layers of a case, from low to high: the file, its own keys, and the same of those `above`."""
     layers: list[Layer] = [(file, ()), (file, owners[name][0])]
     for document, loc in above:
         by_name = document.at(loc).get("cases", {})
@@ -370,7 +369,7 @@ def _swept(
     data: dict[str, Any],
     layers: Sequence[Layer],
 ) -> list[BaseCase]:
-    """The cases that a swept parameter makes of one."""
+    """Cases that a swept parameter makes of one."""
     document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
     try:
         keys = [key for key in case_class.swept_in if key in case_class.model_fields]
@@ -393,7 +392,7 @@ def _swept(
 
 
 def _valid(read: Callable[[Any], Any], data: Any, layers: Sequence[Layer]) -> Any:
-    """The record that pydantic reads from `data`, which the layers together make up; SpecError if it is wrong."""
+    """Record that pydantic reads from `data`, which the layers together make up; SpecError if it is wrong."""
     record, mistakes = attempt(read, data)
     return _report(mistakes, layers) if mistakes else record
 

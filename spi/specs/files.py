@@ -1,4 +1,4 @@
-"""The files that a spec names: the modules that become of them, and initial values that stand in them.
+"""Files that a spec names: the modules that become of them, and initial values that stand in them.
 
     initial: {file: field.npy}
 
@@ -26,12 +26,12 @@ _BINARY = "data:application/octet-stream;base64,"  # the prefix of a text that e
 
 
 def as_text(data: bytes) -> str:
-    """The text by which a file is kept that is no text, see RFC 2397."""
+    """Text by which a file is kept that is no text, see RFC 2397."""
     return _BINARY + base64.b64encode(data).decode()
 
 
 def content(text: str) -> bytes:
-    """The bytes of the file that is kept as this text."""
+    """Bytes of the file that is kept as this text."""
     if not text.startswith(_BINARY):
         return text.encode()
     try:
@@ -45,7 +45,7 @@ class UntrustedCode(Exception):
 
 
 class Files:
-    """The texts of files that belong to a spec, each read once, by their paths as the spec writes them.
+    """Texts of files that belong to a spec, each read once, by their paths as the spec writes them.
 
     Paths are seen from the folder of the spec file.  With `given`, those texts stand in the place of what is on disk;
     those that are `added` stand in the place of files of their names only.
@@ -64,7 +64,7 @@ class Files:
         self.complete = given is not None
 
     def text(self, path: str, key: str, most: int = _MOST_BYTES, binary: bool = False) -> str:
-        """The text of a file that stands under `key`; raises the error about that key if it cannot be read.
+        """Text of a file that stands under `key`; raises the error about that key if it cannot be read.
 
         A file of more than `most` bytes is refused.  One that is `binary` is kept as :func:`as_text` of its bytes.
         """
@@ -75,7 +75,7 @@ class Files:
         return self.texts[path]
 
     def module(self, path: str, key: str) -> ModuleType:
-        """The module with the text of a Python file; raises the error about `key` if it cannot be imported."""
+        """Module with the text of a Python file; raises the error about `key` if it cannot be imported."""
         text = self.text(path, key)
         if not self.trusts(path, text):
             raise UntrustedCode(path)
@@ -133,14 +133,14 @@ _RIGHT = "give a file that numpy.save wrote, of real or complex numbers in one o
 
 
 def array_text(values: Any) -> str:
-    """The text that stands for the file that ``numpy.save`` would write."""
+    """Text that stands for the file that ``numpy.save`` would write."""
     data = io.BytesIO()
     np.save(data, values, allow_pickle=False)
     return as_text(data.getvalue())
 
 
 def array_in(files: Files, path: str) -> np.ndarray:
-    """The array in a file, real, of one dimension or two; raises the error about the key ``file``."""
+    """Array in a file, real, of one dimension or two; raises the error about the key ``file``."""
     data = content(files.text(path, "file", _MOST_OF_ARRAYS, binary=True))
     try:
         values = array_of(data)
@@ -164,7 +164,7 @@ def arrays_in(files: Files, path: str, names: tuple[str, ...]) -> dict[str, np.n
 
 
 def unpacked(data: bytes, dimensions: tuple[int, ...], names: tuple[str, ...] = ()) -> dict[str, np.ndarray]:
-    """The arrays in a file of ``numpy.savez``, these or all, by their names; ValueError if there are none such."""
+    """Arrays in a file of ``numpy.savez``, these or all, by their names; ValueError if there are none such."""
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as archive:
             if sum(member.file_size for member in archive.zip.infolist()) > _MOST_UNPACKED:
@@ -175,7 +175,7 @@ def unpacked(data: bytes, dimensions: tuple[int, ...], names: tuple[str, ...] = 
 
 
 def array_of(data: bytes) -> np.ndarray:
-    """The array in a file of ``numpy.save``, real, of one dimension or two; ValueError if it is damaged."""
+    """Array in a file of ``numpy.save``, real, of one dimension or two; ValueError if it is damaged."""
     try:
         return _real(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False), (1, 2))
     except Exception as error:

@@ -1,4 +1,4 @@
-"""The key ``initial``: numbers, or a mapping that one of :data:`INITIAL` reads, by the first of its keys that is there.
+"""Key ``initial``: numbers, or a mapping that one of :data:`INITIAL` reads, by the first of its keys that is there.
 
     initial: [cos(1.1), 0, sin(1.1)]
     initial: {file: field.npy}
@@ -19,14 +19,27 @@ import pydantic
 
 from ..ensemble.long_states import LONG, LongState, state_of
 from ..ensemble.protocol import NonNegative, component_names, dimension, geometry, large, named_numbers, populations
-from ..ensemble.random_states import Gaussian, Listed, RandomState, Spheres
+from ..ensemble.random_states import DrawnFromList, Gaussian, RandomState, Spheres
 from ..exact.surfaces import spheres
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import has_range, without_ranges
 from ..models.delegation import undamped
 from ..plugins import Registry, lacking
 from .files import Files, array_in, check_finite, content, unpacked
-from .keys import ABSENT, Keys, State, condition, entries_in, key_of, one_of, shown, suggestion, wrong
+from .keys import (
+    ABSENT,
+    Keys,
+    SchemaOf,
+    StateKey,
+    check_here,
+    condition,
+    entries_in,
+    key_of,
+    one_of,
+    shown,
+    suggestion,
+    wrong,
+)
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Laws of initial states, of which each path has its own.
@@ -53,7 +66,7 @@ class OfGauss(Law):
     """Normal."""
 
     law: Literal["gaussian"]
-    mean: key_of(State, "the mean, a number per component")
+    mean: key_of(StateKey, "the mean, a number per component")
     sd: key_of(NonNegative | tuple[NonNegative, ...], "standard deviation, of all components or of each") = ABSENT
     covariance: key_of(_MATRIX, "covariance matrix of the components, in place of sd") = ABSENT
     project: key_of(pydantic.StrictBool, "move states to the Casimir surface through the mean, along rays") = False
@@ -65,7 +78,7 @@ class OfGauss(Law):
             raise wrong(f"has {' and '.join(given) or 'no width'}", "must have one of sd, covariance")
 
     def state(self, model: Any, files: Files) -> RandomState:
-        """The state that is a standard deviation from the mean in each component, and the law."""
+        """State that is a standard deviation from the mean in each component, and the law."""
         if populations(model):
             raise wrong("is 'gaussian', whose states may be negative", "use points, all of them positive", "law")
         _check_length(self.mean, model, "mean")
@@ -120,7 +133,7 @@ class OfPoints(Law):
             below = -np.log1p(-np.minimum(share[:-1], 1.0))
         digest = hashlib.sha256(y.tobytes() + weight.tobytes()).hexdigest()
         plain = {"law": self.law, "points": len(y), "digest": digest}
-        return RandomState(tuple(y[np.argmax(y.any(axis=1))].tolist()), Listed(y, below), plain)
+        return RandomState(tuple(y[np.argmax(y.any(axis=1))].tolist()), DrawnFromList(y, below), plain)
 
 
 #: The name of a law -> the class of its keys.
@@ -128,21 +141,20 @@ LAWS = Registry("laws", {"gaussian": OfGauss, "points": OfPoints})
 
 
 class OfLaw:
-    """The reader of a mapping with the key ``law``."""
+    """Reader of a mapping with the key ``law``."""
 
     @staticmethod
     def model_validate(data: dict[str, Any]) -> Any:
-        """The record of a mapping, by the name of its law."""
+        """Record of a mapping, by the name of its law."""
         name = data["law"]
         if isinstance(name, str) and name in LAWS:
             return LAWS[name].model_validate(data)
-        if advice := lacking("laws", name):
-            raise wrong(f"is {shown(name)}", advice, "law")
+        check_here("laws", name, "law")
         return pydantic.TypeAdapter(OfLaw.hint()).validate_python(data)
 
     @staticmethod
     def hint() -> Any:
-        """The annotation of all laws."""
+        """Annotation of all laws."""
         return one_of([*LAWS.values()], "law", LAWS)
 
 
@@ -152,7 +164,7 @@ def _check_length(values: tuple, model: Any, key: str) -> None:
 
 
 def surface_through(model: Any, point: tuple[float, ...], key: str) -> Spheres:
-    """The Casimir surface through a state; raises the error where it is none on which states can be drawn."""
+    """Casimir surface through a state; raises the error where it is none on which states can be drawn."""
     if key != "project":
         _check_length(point, model, key)
     surface = spheres(model, point)
@@ -199,7 +211,7 @@ def _names(model: Any) -> list[str]:
 
 
 def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The states (n, d) and weights (n,) in a CSV file."""
+    """States (n, d) and weights (n,) in a CSV file."""
     names = _names(model)
     right = f"must have the columns {', '.join(names)}, and perhaps weight"
     try:
@@ -228,7 +240,7 @@ def _is_number(text: str) -> bool:
 
 
 def _of_npz(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]:
-    """The states (n, d) and weights (n,) in a file of ``numpy.savez``."""
+    """States (n, d) and weights (n,) in a file of ``numpy.savez``."""
     d = dimension(model)
     right = f"must have an array y of {d} columns, and perhaps weight, a number per state"
     try:
@@ -252,7 +264,7 @@ class FromFile(Keys):
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the field on the grid") = False
 
     def state(self, model: Any, files: Files) -> Any:
-        """The numbers of the state, or what the model makes of values on a grid."""
+        """Numbers of the state, or what the model makes of values on a grid."""
         values = array_in(files, self.file)
         if values.ndim == 1:
             return state_of(values)
@@ -278,7 +290,7 @@ INITIAL = Registry("initial", {"law": OfLaw, "file": FromFile})
 
 
 def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationInfo) -> Any:
-    """The state that `value` stands for; `numbers` reads a list."""
+    """State that `value` stands for; `numbers` reads a list."""
     if not isinstance(value, dict):
         given = numbers(_with_ranges(value, info))
         return state_of(given) if len(given) > LONG else given
@@ -286,7 +298,7 @@ def _read(value: Any, numbers: Callable[[Any], Any], info: pydantic.ValidationIn
 
 
 def state_in(data: dict[str, Any], model: Any, files: Any) -> Any:
-    """The state that a mapping stands for; () if the model is wrong, which is reported."""
+    """State that a mapping stands for; () if the model is wrong, which is reported."""
     key = next((key for key in INITIAL if key in data), None)
     if key is None:
         for name in data:
@@ -302,13 +314,10 @@ def state_in(data: dict[str, Any], model: Any, files: Any) -> Any:
     return given.state(undamped(model), files)
 
 
-class _AnyInitial:
-    """In the JSON Schema, whatever may stand there; the readers of plug-ins are imported only for that."""
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
-        mappings = [reader.hint() if reader is OfLaw else reader for reader in dict.fromkeys(INITIAL.values())]
-        whole: Any = reduce(or_, [State, *mappings])
-        return handler(pydantic.TypeAdapter(whole).core_schema)
+def _hint() -> Any:
+    """Annotation of whatever may stand there."""
+    mappings = [reader.hint() if reader is OfLaw else reader for reader in dict.fromkeys(INITIAL.values())]
+    return reduce(or_, [StateKey, *mappings])
 
 
 def _with_ranges(value: Any, info: pydantic.ValidationInfo) -> Any:
@@ -332,7 +341,7 @@ def _plain(value: Any) -> Any:
 
 #: The annotation of ``initial``.
 Initial = Annotated[
-    State,
-    pydantic.WrapValidator(_read, json_schema_input_type=Annotated[Any, _AnyInitial()]),
+    StateKey,
+    pydantic.WrapValidator(_read, json_schema_input_type=Annotated[Any, SchemaOf(_hint)]),
     pydantic.PlainSerializer(_plain),
 ]

@@ -19,6 +19,7 @@ from pydantic_core import PydanticCustomError
 
 from ..ensemble.protocol import Positive
 from ..expressions.arithmetic import NumberError, parse
+from ..plugins import lacking
 from ..schemes import SCHEMES
 from .document import Location
 
@@ -62,8 +63,27 @@ def quantity(value: float) -> str:
 
 
 def wrong(fault: str, right: str, *keys: str | int) -> PydanticCustomError:
-    """The error that pydantic is to report; `keys`, and numbers of entries, lead from the mapping at hand to it."""
+    """Error that pydantic is to report; `keys`, and numbers of entries, lead from the mapping at hand to it."""
     return PydanticCustomError("spec", "{fault}; {right}", {"fault": fault, "right": right, "keys": keys})
+
+
+def check_here(field: str, name: Any, *keys: str | int, value: Any = None) -> None:
+    """Raise the error about a name of a registry that a plug-in has which is not here.
+
+    `keys` are those of :func:`wrong`, and `value` is what stands there, by default the name.
+    """
+    if advice := lacking(field, name):
+        raise wrong(f"is {shown(name if value is None else value)}", advice, *keys)
+
+
+class SchemaOf:
+    """In the JSON Schema, the annotation that a function returns; what plug-ins offer is imported only for that."""
+
+    def __init__(self, hint: Callable[[], Any]) -> None:
+        self.hint = hint
+
+    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
+        return handler(pydantic.TypeAdapter(self.hint()).core_schema)
 
 
 # --- keys and numbers ------------------------------------------------------------------------------------------------
@@ -115,12 +135,12 @@ def check_keys(
 
 
 def needed_keys(cls: type[pydantic.BaseModel]) -> dict[str, Any]:
-    """The fields that a mapping of this class must have."""
+    """Fields that a mapping of this class must have."""
     return {key: field for key, field in cls.model_fields.items() if field.is_required()}
 
 
 def one_of(classes: Sequence[type[pydantic.BaseModel]], key: str, names: Iterable[str]) -> Any:
-    """The annotation of a mapping of one of these classes, which the value of `key`, one of `names`, tells apart."""
+    """Annotation of a mapping of one of these classes, which the value of `key`, one of `names`, tells apart."""
     allowed = dict.fromkeys(k for cls in classes for k in cls.model_fields)
 
     def check(data: Any) -> Any:
@@ -138,7 +158,7 @@ _NUMBERS = {
 
 
 def _number(kind: type, value: Any) -> Any:
-    """The number that a text stands for."""
+    """Number that a text stands for."""
     if not isinstance(value, str):
         raise wrong(f"is {shown(value)}", _NUMBERS[kind])
     try:
@@ -179,25 +199,25 @@ def _read(hint: Any) -> Any:
 
 
 def text_in(hint: Any) -> str | None:
-    """The description in an annotation."""
+    """Description in an annotation."""
     return next((note for note in getattr(hint, "__metadata__", ()) if isinstance(note, str)), None)
 
 
 def fields_of(cls: Any) -> dict[str, tuple[Any, Any]]:
-    """The annotation and default of each field of a record, ... where it has none, as ``create_model`` takes them."""
+    """Annotation and default of each field of a record, ... where it has none, as ``create_model`` takes them."""
     hints = get_type_hints(cls, include_extras=True).items()
     return {key: (key_of(hint, text_in(hint)), cls._field_defaults.get(key, ...)) for key, hint in hints}
 
 
 def _record_of(cls: Any) -> Any:
-    """The annotation of a mapping that stands for a record, a ``NamedTuple``."""
+    """Annotation of a mapping that stands for a record, a ``NamedTuple``."""
     fields: dict[str, Any] = fields_of(cls)
     keys = create_model(cls.__name__, __base__=Keys, __doc__=cls.__doc__, **fields)
     return Annotated[keys, AfterValidator(lambda keys: cls(*(getattr(keys, key) for key in cls._fields)))]
 
 
 def powers_of_two(value: Any) -> Any:
-    """The entries of a range such as 2^-5 .. 2^-13, as texts; a list as it is."""
+    """Entries of a range such as 2^-5 .. 2^-13, as texts; a list as it is."""
     if isinstance(value, list):
         if ranges := [entry for entry in value if isinstance(entry, str) and ".." in entry]:
             raise wrong(f"has a range in a list, {shown(ranges[0])}", f"write it without brackets: {ranges[0]}")
@@ -230,7 +250,7 @@ NAME = "^[A-Za-z0-9_]+$"  #: pattern of names that a user gives
 
 
 def by_name(value: Any) -> Any:
-    """The mapping of names that a text stands for, with the name phi; other values as they are."""
+    """Mapping of names that a text stands for, with the name phi; other values as they are."""
     if isinstance(value, str):
         return {"phi": value}
     if not isinstance(value, dict):
@@ -247,7 +267,7 @@ def _listed(value: Any) -> Any:
 
 
 def key_of(hint: Any, description: str | None, unit: str | None = None) -> Any:
-    """The annotation of a key; its unit, if it has one, stands in the JSON Schema."""
+    """Annotation of a key; its unit, if it has one, stands in the JSON Schema."""
     units = [Field(json_schema_extra={"unit": unit})] if unit else []
     return Annotated[_read(hint), *units, Field(description=description)]
 
@@ -256,11 +276,11 @@ OrInfinite = Annotated[float, BeforeValidator(_number_or_infinity, json_schema_i
 _List = Annotated[tuple[Positive, ...], MinLen(1)]
 Steps = Annotated[_List, BeforeValidator(powers_of_two, json_schema_input_type=_read(_List) | str)]
 _State = tuple[float, ...]
-State = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type=_read(_State))]
+StateKey = Annotated[_State, BeforeValidator(_complex_modes, json_schema_input_type=_read(_State))]
 _Eps = Annotated[tuple[Annotated[float, Ge(0), Le(1e100)], ...], MinLen(1)]
 Eps = Annotated[_Eps, BeforeValidator(_listed, json_schema_input_type=_read(_Eps) | float | str)]
 _Levels = Annotated[tuple[Annotated[int, Ge(0), Le(3)], ...], MinLen(1)]
-Levels = Annotated[_Levels, BeforeValidator(_listed, json_schema_input_type=_read(_Levels) | int | str)]
+ExtrapolationLevels = Annotated[_Levels, BeforeValidator(_listed, json_schema_input_type=_read(_Levels) | int | str)]
 Seed = Annotated[int, Ge(0), Le(2**64 - 1)]
 Samples = Annotated[int, Ge(1), Le(10**15)]
 # A name may be that of a composition, which stands among other keys; the schema offers the others.
@@ -306,7 +326,7 @@ def explained(error: Any, errors: Sequence[Any], data: Any) -> tuple[Location, s
 
 
 def _reached(steps: tuple[Any, ...], keys: Sequence[str], data: Any) -> tuple[Location, Any]:
-    """The place in `data` that the steps of pydantic and then some keys name, and what stands there.
+    """Place in `data` that the steps of pydantic and then some keys name, and what stands there.
 
     A step that is not there is the name of a class, or missing.
     """

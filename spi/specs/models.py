@@ -1,4 +1,4 @@
-"""The key ``model``: a built-in model by its name, or one from a file.
+"""Key ``model``: a built-in model by its name, or one from a file.
 
     model: {name: rigid_body, inertia: [2, 1, 2/3], ...}
     model: {python: my_top.py, name: HeavyTop, weight: 1}
@@ -25,10 +25,10 @@ from ..ensemble.protocol import fault, generated, large, state_fault
 from ..expressions.ranges import meaning_of, taken_name
 from ..models import MODELS, check_model_class
 from ..models.delegation import undamped
-from ..plugins import Registry, lacking
+from ..plugins import Registry
 from .document import Document, Location
 from .files import Files
-from .keys import ABSENT, Keys, fields_of, one_of, shown, suggestion, wrong
+from .keys import ABSENT, Keys, SchemaOf, check_here, fields_of, one_of, shown, suggestion, wrong
 
 #: Keys of a case that people write among those of the model.
 OUTSIDE = dict.fromkeys(
@@ -54,13 +54,13 @@ class Source(NamedTuple):
 
 
 class ModelKeys(Keys):
-    """The keys of a model."""
+    """Keys of a model."""
 
     elsewhere = OUTSIDE
 
 
 def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]:
-    """The keys of a model: `telling`, which identify it, and the fields of its record, all of them if `complete`."""
+    """Keys of a model: `telling`, which identify it, and the fields of its record, all of them if `complete`."""
     fields: dict[str, Any] = {key: (hint, ... if complete else ABSENT) for key, hint in telling.items()}
     fields |= {key: (hint, default if complete else ABSENT) for key, (hint, default) in fields_of(cls).items()}
     with warnings.catch_warnings(action="ignore"):  # of parameters that are called like methods of pydantic
@@ -69,7 +69,7 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
 
 
 def _record(cls: Any, parameters: Keys) -> Any:
-    """The record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
+    """Record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
     model = cls(**{name: value for name, value in parameters if name in cls._fields})
     if refused := fault(model):
         key, complaint, right = refused
@@ -86,11 +86,10 @@ def _by_name(data: Any, files: Files) -> Any:
     name = data.get("name") if isinstance(data, dict) else None
     if isinstance(name, str) and name in MODELS:
         parameters: Any = keys_of_model(name).model_validate(data)
-    elif advice := lacking("models", name):
-        raise wrong(f"is {shown(name)}", advice, "name")
-    elif absent := next((key for key in data or () if lacking("sources", key)), None):
-        raise wrong(f"is {shown(data[absent])}", f"{lacking('sources', absent)}", absent)
     else:
+        check_here("models", name, "name")
+        for key in data if isinstance(data, dict) else ():
+            check_here("sources", key, key, value=data[key])
         parameters = pydantic.TypeAdapter(one_of([*map(keys_of_model, MODELS)], "name", MODELS)).validate_python(data)
     if named := taken_name(getattr(parameters, "variables", ())):
         raise wrong(f"has '{named[0]}', {named[1]} in formulas", "take another name", "variables")
@@ -98,7 +97,7 @@ def _by_name(data: Any, files: Files) -> Any:
 
 
 def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> Any:
-    """The record of a class that somebody else wrote, from the mapping `data`."""
+    """Record of a class that somebody else wrote, from the mapping `data`."""
     try:
         keys = _keys_of(cls, telling, True)
     except Exception as error:
@@ -119,7 +118,7 @@ def _of_class(cls: Any, data: Any, telling: Mapping[str, Any], remedy: str) -> A
 
 
 def class_in(data: dict[str, Any], files: Files, remedy: str) -> Any:
-    """The class `name` in the Python file `python`; raises the error about either key. `remedy` says what to write."""
+    """Class `name` in the Python file `python`; raises the error about either key. `remedy` says what to write."""
     path = data["python"]
     if not isinstance(path, str):
         right = "must be the path of a Python file, seen from the folder of this one"
@@ -172,14 +171,14 @@ def _key_of_source(data: Any) -> str | None:
 
 
 def source_of(*layers: Any) -> Source:
-    """The source of a model whose mapping these layers make up."""
+    """Source of a model whose mapping these layers make up."""
     data = {key: True for layer in layers if isinstance(layer, dict) for key in layer}
     source: Source = SOURCES[_key_of_source(data) or "name"]
     return source
 
 
 def overridden(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """The keys of a model, overridden by those of a higher layer."""
+    """Keys of a model, overridden by those of a higher layer."""
     pairs = {key: (below.get(key), above.get(key)) for key in source_of(below, above).numbers}
     both = {key: {**a, **b} for key, (a, b) in pairs.items() if isinstance(a, dict) and isinstance(b, dict)}
     return {**below, **above, **both}
@@ -195,7 +194,7 @@ def is_another(above: Any, below: Any) -> bool:
 
 
 def name_of(model: Any) -> str:
-    """The name of a model in spec files, or that of its class if it comes from a file."""
+    """Name of a model in spec files, or that of its class if it comes from a file."""
     cls = type(undamped(model))
     return MODELS.name_of(cls) or cls.__qualname__
 
@@ -239,7 +238,7 @@ def _read(data: Any, info: pydantic.ValidationInfo) -> Any:
 
 @cache
 def keys_of_model(name: str, complete: bool = True) -> type[Keys]:
-    """The keys of a model with a name, all of them or, unless `complete`, any."""
+    """Keys of a model with a name, all of them or, unless `complete`, any."""
     return _keys_of(MODELS[name], {"name": Literal[name]}, complete)
 
 
@@ -264,19 +263,16 @@ Model = Annotated[
 
 
 # Only together with the layers below can it be said which model a part belongs to, so parts are read as any mapping.
-class _AnyModel:
-    """In the JSON Schema, a mapping of any model; the classes of models are imported only for that."""
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
-        parts = [keys_of_model(name, complete=False) for name in MODELS]
-        told = {key: field for source in SOURCES.values() for key, field in source.fields.items()}
-        fields: Any = {key: (Annotated[hint, Field(description=what)], ABSENT) for key, (hint, what) in told.items()}
-        elsewhere = create_model("FromElsewhere", __base__=_FromElsewhere, __doc__=_FromElsewhere.__doc__, **fields)
-        whole: Any = reduce(or_, [*parts, elsewhere])
-        return handler(pydantic.TypeAdapter(whole).core_schema)
+def _any_model() -> Any:
+    """Annotation of a mapping of any model."""
+    parts = [keys_of_model(name, complete=False) for name in MODELS]
+    told = {key: field for source in SOURCES.values() for key, field in source.fields.items()}
+    fields: Any = {key: (Annotated[hint, Field(description=what)], ABSENT) for key, (hint, what) in told.items()}
+    elsewhere = create_model("FromElsewhere", __base__=_FromElsewhere, __doc__=_FromElsewhere.__doc__, **fields)
+    return reduce(or_, [*parts, elsewhere])
 
 
-ModelPart = Annotated[dict[str, Any], _AnyModel()]
+ModelPart = Annotated[dict[str, Any], SchemaOf(_any_model)]
 
 
 _WORD = re.compile(r"[^\W\d]\w*")
@@ -308,20 +304,20 @@ def check_overrides(layers: Sequence[tuple[Document, Location]], data: Mapping[s
 
 
 def _words(model: Mapping[str, Any], numbers: Collection[str], initial: Any) -> set[str]:
-    """The words in the formulas of a model and of an initial state, but not the names under the keys `numbers`."""
+    """Words in the formulas of a model and of an initial state, but not the names under the keys `numbers`."""
     named = {key: list(value.values()) for key, value in model.items() if key in numbers and value}
     states = list(initial.values()) if isinstance(initial, dict) else initial
     return {word for text in _texts([list({**model, **named}.values()), states]) for word in _WORD.findall(text)}
 
 
 def names_under(key: str, model: Any) -> list[str]:
-    """The names in a mapping of a model that stands under a key."""
+    """Names in a mapping of a model that stands under a key."""
     named = model.get(key) if isinstance(model, dict) else None
     return list(named) if isinstance(named, dict) else []
 
 
 def _texts(value: Any) -> Iterator[str]:
-    """The texts in which formulas may stand, keys of mappings included."""
+    """Texts in which formulas may stand, keys of mappings included."""
     if isinstance(value, str):
         yield value
     elif isinstance(value, list):

@@ -18,6 +18,8 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import pydantic
 
+from spi.numerics.types import Array
+
 from ..compiler.dispatch import answers
 from ..ensemble.observer import energies, invariants_of
 from ..ensemble.protocol import (
@@ -38,21 +40,20 @@ from ..models.delegation import undamped
 from ..numerics.rng import LANES
 from .keys import Keys, key_of, shown, wrong
 
-Array = np.ndarray
 _INVARIANT = re.compile(r"\b(?:H|C(\d*))\b(?!\s*\()")
 _COMPONENT = re.compile(r"y([1-9]\d*)")
 _WORD = re.compile(r"\b[A-Za-z]\w*")
 
 
 class Code(NamedTuple):
-    """The functions of a Python file."""
+    """Functions of a Python file."""
 
     digest: str  #: of its text
     functions: tuple[tuple[str, Callable], ...]  #: by name
 
 
 def _code(path: Any, info: pydantic.ValidationInfo) -> Code | None:
-    """The functions in the file of this path."""
+    """Functions in the file of this path."""
     if path is None or isinstance(path, Code):
         return path
     if not isinstance(path, str) or not path:
@@ -74,7 +75,7 @@ def _code(path: Any, info: pydantic.ValidationInfo) -> Code | None:
 
 
 class CodeKeys(Keys):
-    """The Python file whose functions formulas may name."""
+    """Python file whose functions formulas may name."""
 
     python: key_of(
         Annotated[Any, pydantic.BeforeValidator(_code, json_schema_input_type=str | None)],
@@ -87,7 +88,7 @@ class CodeKeys(Keys):
 
 
 def named_in(text: str, model: Any, variables: Iterable[str] = (), code: Code | None = None) -> dict[str, Any]:
-    """The words that formulas may name and their values: numbers, and of functions those that stand in the `text`.
+    """Words that formulas may name and their values: numbers, and of functions those that stand in the `text`.
 
     NumberError if one of them is not a function of the state, as a Casimir function with a number that is too high.
     """
@@ -102,7 +103,7 @@ def named_in(text: str, model: Any, variables: Iterable[str] = (), code: Code | 
 
 
 def numbers_of(case: Any) -> dict[str, float | int]:
-    """The numbers that a formula of a case may name where no state is meant: those of the model, and T."""
+    """Numbers that a formula of a case may name where no state is meant: those of the model, and T."""
     temperature = {"T": case.temperature} if math.isfinite(case.temperature) else {}
     return {**named_numbers(undamped(case.model)), **temperature}
 
@@ -114,7 +115,7 @@ def check_values(case: Any, values: Callable[[Array], Array]) -> None:
 
 
 class Taken:
-    """The words that have a meaning in formulas of a case, so that they do not stand for others of its functions."""
+    """Words that have a meaning in formulas of a case, so that they do not stand for others of its functions."""
 
     def __init__(self, case: Any) -> None:
         own = undamped(case.model)

@@ -1,4 +1,4 @@
-"""The names of results: one for each experiment, profile and set of overrides.
+"""Names of results: one for each experiment, profile and set of overrides.
 
     rigid_body_strong                 the spec as it stands
     rigid_body_strong.quick           --profile quick
@@ -26,14 +26,14 @@ _NEUTRAL = ("samples", "title", "asks", "figure", "expect")
 
 
 def results_name(name: str, profile: str = "laptop", overrides: Iterable[str] = ()) -> str:
-    """The name of the results of the experiment `name`; `overrides` are texts as ``spi.specs.load`` takes them."""
+    """Name of the results of the experiment `name`; `overrides` are texts as ``spi.specs.load`` takes them."""
     last = _last(overrides)
     digest = [_digest("\n".join(f"{key}={last[key]}" for key in sorted(last)))] if last else []
     return ".".join([name, *([] if profile == "laptop" else [profile]), *digest])
 
 
 def results_in(folder: str | Path, name: str, profile: str = "laptop", overrides: Iterable[str] = ()) -> Path:
-    """The file of results in a folder."""
+    """File of results in a folder."""
     return Path(folder) / f"{results_name(name, profile, overrides)}.h5"
 
 
@@ -63,7 +63,7 @@ _WIDTH = 110  # of a line of a stored spec
 
 
 def as_yaml(data: Mapping[str, Any]) -> str:
-    """The text of a spec file; SpecError is raised when that is read, if anything is wrong with the data."""
+    """Text of a spec file; SpecError is raised when that is read, if anything is wrong with the data."""
     return yaml.safe_dump(plain(data), sort_keys=False, allow_unicode=True, default_flow_style=None, width=_WIDTH)
 
 
@@ -78,7 +78,7 @@ _LONG = 1000  # numbers of an initial value that is no longer written out
 
 
 def separated(data: Mapping[str, Any], files: dict[str, str]) -> dict[str, Any]:
-    """The keys of a spec in which long initial values, and fields, are ``{file: NAME}``; adds the texts to `files`."""
+    """Keys of a spec in which long initial values, and fields, are ``{file: NAME}``; adds the texts to `files`."""
     within = {"cases", "profiles"}
     return {
         key: _as_file(value, files) if key == "initial" else _each(value, files) if key in within else value
@@ -87,7 +87,7 @@ def separated(data: Mapping[str, Any], files: dict[str, str]) -> dict[str, Any]:
 
 
 def _each(parts: Any, files: dict[str, str]) -> Any:
-    """The cases of a spec, or its profiles, with :func:`separated` keys."""
+    """Cases of a spec, or its profiles, with :func:`separated` keys."""
     if isinstance(parts, Mapping):
         return {name: separated(part, files) if isinstance(part, Mapping) else part for name, part in parts.items()}
     if isinstance(parts, list | tuple):

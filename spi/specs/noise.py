@@ -1,4 +1,4 @@
-"""The key ``noise``: what drives the noises of an experiment, where it is no Brownian motion.
+"""Key ``noise``: what drives the noises of an experiment, where it is no Brownian motion.
 
     dy = B(y) grad H(y) dt + sum_k sigma_k B(y) grad Ĥ_k(y) ∘ dX_k(t)
 
@@ -17,11 +17,11 @@ from ..ensemble.scheme_protocol import substeps
 from ..plugins import Registry, lacking
 from .document import SpecError
 from .files import Files
-from .keys import Keys, explained, shown, suggestion, wrong
+from .keys import Keys, SchemaOf, check_here, explained, shown, suggestion, wrong
 
 
 class Driver(Keys):
-    """The keys of a kind of noise, and what is asked of it; ``kind`` is the first of them."""
+    """Keys of a kind of noise, and what is asked of it; ``kind`` is the first of them."""
 
     example: ClassVar[str]  #: such a mapping
     at_once: ClassVar[bool] = False  #: whether all increments of a path are made together, up to its last time
@@ -36,11 +36,11 @@ class Driver(Keys):
 
     @property
     def text(self) -> str:
-        """The process in words."""
+        """Process in words."""
         return self.example
 
     def paths(self, stream: Any, last_time: float, parts: int = 1) -> Any:
-        """The noise that takes the place of `stream`, the ``RandomStream`` of Brownian paths, until `last_time`.
+        """Noise that takes the place of `stream`, the ``RandomStream`` of Brownian paths, until `last_time`.
 
         Each step is resolved into at least `parts` sub-steps.  It has the attributes and methods of `stream` itself,
         with increments (count, paths, noises) of ``increments(h, first, count, first_path, paths, noises, parts)`` and
@@ -52,11 +52,11 @@ class Driver(Keys):
         """Raise the error about a case that cannot be driven."""
 
     def strong_order(self, entry: Any, model: Any, commuting: bool) -> float | None:
-        """The strong order of a scheme, for noises that commute or do not; None where theory states none."""
+        """Strong order of a scheme, for noises that commute or do not; None where theory states none."""
         return None
 
     def weak_order(self, entry: Any, model: Any) -> float | None:
-        """The weak order of a scheme for smooth functions; None where theory states none."""
+        """Weak order of a scheme for smooth functions; None where theory states none."""
         return None
 
 
@@ -76,7 +76,7 @@ NOISES = Registry("noises", {"brownian": Brownian})
 
 
 def _read(value: Any, info: pydantic.ValidationInfo) -> Any:
-    """The driver that a mapping stands for, None for Brownian motion."""
+    """Driver that a mapping stands for, None for Brownian motion."""
     if value is None:
         return None
     if not isinstance(value, dict) or not value:
@@ -87,35 +87,26 @@ def _read(value: Any, info: pydantic.ValidationInfo) -> Any:
     if isinstance(kind, str) and kind in NOISES:
         files = info.context if isinstance(info.context, Files) else None
         return NOISES[kind].model_validate(value).read(files)
-    if advice := lacking("noises", kind):
-        raise wrong(f"is {shown(value[key])}", advice, key)
+    check_here("noises", kind, key, value=value.get(key))
     if kind is None:
         raise wrong("missing key 'kind'", f"add kind: {' or '.join(NOISES)}", "kind")
     raise wrong(f"is {shown(kind)}", suggestion(kind, NOISES), "kind")
 
 
-class _AnyDriver:
-    """In the JSON Schema, a mapping of any kind; the classes of plug-ins are imported only for that."""
-
-    def __get_pydantic_json_schema__(self, schema: Any, handler: pydantic.GetJsonSchemaHandler) -> Any:
-        whole: Any = reduce(or_, [*NOISES.values(), None])
-        return handler(pydantic.TypeAdapter(whole).core_schema)
-
-
-Noise = Annotated[
+NoiseKey = Annotated[
     Any,
     pydantic.PlainValidator(_read),
     pydantic.PlainSerializer(lambda driver: driver and driver.plain()),
-    _AnyDriver(),
+    SchemaOf(lambda: reduce(or_, [*NOISES.values(), None])),
 ]
 
 
 class _Alone(Keys):
-    noise: Noise = None
+    noise: NoiseKey = None
 
 
 def driver_of(noise: Any) -> Any:
-    """The driver that a mapping names, None for Brownian motion; SpecError if there is something wrong with it."""
+    """Driver that a mapping names, None for Brownian motion; SpecError if there is something wrong with it."""
     texts = {key: str(value) for key, value in noise.items()} if isinstance(noise, dict) else noise and str(noise)
     try:
         return _Alone(noise=texts).noise
@@ -126,7 +117,7 @@ def driver_of(noise: Any) -> Any:
 
 
 def stream_of(case: Any) -> Any:
-    """The noise of the paths of a case: a ``RandomStream``, or what its driver has in its place."""
+    """Noise of the paths of a case: a ``RandomStream``, or what its driver has in its place."""
     stream = brownian(case.seed)
     return stream if case.noise is None else case.noise.paths(stream, case.last_time, parts_of(case))
 

@@ -1,4 +1,4 @@
-"""The words of the key ``panels`` of a kind: its own, and those that plug-ins add."""
+"""Words of the key ``panels`` of a kind: its own, and those that plug-ins add."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Annotated, Any, Literal, NamedTuple
@@ -6,8 +6,8 @@ from typing import Annotated, Any, Literal, NamedTuple
 from annotated_types import MinLen
 from pydantic import BeforeValidator
 
-from ..plugins import Registry, imported, lacking
-from .keys import shown, wrong
+from ..plugins import Registry, imported
+from .keys import check_here, wrong
 
 
 class Further(NamedTuple):
@@ -28,12 +28,11 @@ def words(kind: str, own: Sequence[str]) -> tuple[str, ...]:
 
 
 def panels_of(kind: str, own: Sequence[str]) -> Any:
-    """The annotation of the key ``panels`` of a kind."""
+    """Annotation of the key ``panels`` of a kind."""
 
     def check(value: Any) -> Any:
         for i, word in enumerate(value if isinstance(value, list) else ()):
-            if isinstance(word, str) and (advice := lacking("panels", f"{kind}.{word}")):
-                raise wrong(f"is {shown(word)}", advice, i)
+            check_here("panels", f"{kind}.{word}", i, value=word)
         return value
 
     known: Any = Literal[words(kind, own)]
@@ -49,7 +48,7 @@ def check_further(kind: str, case: Any) -> None:
 
 
 class Panels(Mapping[str, Sequence[Any]]):
-    """The panels of a kind by their words, those of plug-ins imported when they are first asked for."""
+    """Panels of a kind by their words, those of plug-ins imported when they are first asked for."""
 
     def __init__(self, kind: str, own: Mapping[str, Sequence[Any]]) -> None:
         self.kind, self.own = kind, own

@@ -1,4 +1,4 @@
-"""The key ``sweep``, a parameter and its values: results are curves over them.
+"""Key ``sweep``, a parameter and its values: results are curves over them.
 
     sweep: {sigma: [0.1, 1, 10]}
     sweep: {s: 2^-4 .. 2^0, of: [order, error]}
@@ -40,7 +40,7 @@ _NO_FORMULAS = (*SOURCES, "file", "results")
 _LISTS = {"steps": "which gives results at each of them", "schemes": "which gives results of each of them"}
 
 
-class Sweep(NamedTuple):
+class ParameterSweep(NamedTuple):
     """A sweep: its parameters, their values, and those of one of its cases."""
 
     parameters: Mapping[str, tuple[float, ...]]  #: the values of each
@@ -59,8 +59,8 @@ _Values = Annotated[
 ]
 
 
-def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
-    """The sweep of a mapping {word: values, of: quantities}; None for None."""
+def _read(value: Any, read: ValidatorFunctionWrapHandler) -> ParameterSweep | None:
+    """Sweep of a mapping {word: values, of: quantities}; None for None."""
     if value is None:
         return None
     if not isinstance(value, dict):
@@ -74,11 +74,11 @@ def _read(value: Any, read: ValidatorFunctionWrapHandler) -> Sweep | None:
             raise wrong("has a value twice", "remove one", word)
     if len(parameters) > 2:
         raise wrong(f"has {len(parameters)} parameters", _RIGHT)
-    return Sweep(parameters, (of,) if isinstance(of, str) else tuple(of))
+    return ParameterSweep(parameters, (of,) if isinstance(of, str) else tuple(of))
 
 
 #: The annotation of ``sweep``.
-Swept = Annotated[dict[str, _Values], WrapValidator(_read, json_schema_input_type=dict[str, Any])]
+SweptKey = Annotated[dict[str, _Values], WrapValidator(_read, json_schema_input_type=dict[str, Any])]
 
 
 def check_shown(case: Any) -> None:
@@ -123,7 +123,7 @@ def versions(data: dict[str, Any], keys: Sequence[str], files: Files, most: int 
 def _putting(
     data: Mapping[str, Any], word: str, keys: Sequence[str], files: Files
 ) -> Callable[[dict[str, Any], str], dict[str, Any]]:
-    """The function that puts a value, as text, in place of a parameter in the keys of a case, such as `data`."""
+    """Function that puts a value, as text, in place of a parameter in the keys of a case, such as `data`."""
     _check_word(word)
     model = data.get("model")
     declared = _declared(model, files)
@@ -155,7 +155,7 @@ def laid_over(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
 
 
 def apart(cases: Sequence[Any]) -> list[Any]:
-    """The cases of all values of a sweep, each with its value and with a name of its own."""
+    """Cases of all values of a sweep, each with its value and with a name of its own."""
     first, separate = cases[0], []
     sweep = first.sweep._replace(case=first.name, title=first.title)
     names, titles = ([], []) if first.name == "main" else ([first.name], [first.title])
@@ -182,7 +182,7 @@ def _place(data: Mapping[str, Any], word: str, declared: Mapping[str, str], keys
 
 
 def _declared(model: Any, files: Files) -> dict[str, str]:
-    """The numbers to which a model gives names, also in a file that it names -> the key under which they stand."""
+    """Numbers to which a model gives names, also in a file that it names -> the key under which they stand."""
     if not isinstance(model, dict):
         return {}
     source, layers = source_of(model), [model]
@@ -193,7 +193,7 @@ def _declared(model: Any, files: Files) -> dict[str, str]:
 
 
 def _parameters(model: Any) -> list[str]:
-    """The parameters of a model that are keys under ``model``."""
+    """Parameters of a model that are keys under ``model``."""
     if not isinstance(model, dict):
         return []
     keys = dict.fromkeys((*getattr(_class_of(model), "_fields", ()), *model))
@@ -201,13 +201,13 @@ def _parameters(model: Any) -> list[str]:
 
 
 def _class_of(model: Mapping[str, Any]) -> Any:
-    """The class of a model that has a name; None if that is none, which reading the model reports."""
+    """Class of a model that has a name; None if that is none, which reading the model reports."""
     name = model.get("name")
     return MODELS.get(name) if isinstance(name, str) else None
 
 
 def _with(data: dict[str, Any], place: tuple[str, ...], value: str) -> dict[str, Any]:
-    """The keys of a case with a value at a place; in a list of alike entries each becomes that."""
+    """Keys of a case with a value at a place; in a list of alike entries each becomes that."""
     key, *inner = place
     if not inner:
         return data | {key: value}

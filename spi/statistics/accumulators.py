@@ -20,10 +20,9 @@ import numpy as np
 from spi.ensemble.loop import add_reports
 from spi.ensemble.scheme_protocol import REPORT
 from spi.numerics.rng import LANES
+from spi.numerics.types import Array
 
 from .estimators import GROUPS, PARTS, ROUND, with_powers
-
-Array = np.ndarray
 
 
 class Blocks(NamedTuple):
@@ -34,7 +33,7 @@ class Blocks(NamedTuple):
 
 
 class Reduction(NamedTuple):
-    """The way in which contributions of blocks make a field of the sums."""
+    """Way in which contributions of blocks make a field of the sums."""
 
     axes: tuple[str, ...]  #: of the field; lengths are given by name when sums over no paths are made
     with_blocks: Callable[[Array, Array, Blocks], Array]  #: the field with contributions (blocks, ...) added
@@ -55,7 +54,7 @@ def added(axes: str = "", dtype: type = float) -> Any:
 
 
 def counted(axes: str = "") -> Any:
-    """The number of paths of which something is true; contributions are (blocks, *axes, LANES), booleans."""
+    """Number of paths of which something is true; contributions are (blocks, *axes, LANES), booleans."""
 
     def with_blocks(total: Array, rows: Array, at: Blocks) -> Array:
         used = at.first * LANES + np.arange(len(rows) * LANES) < at.end
@@ -66,7 +65,7 @@ def counted(axes: str = "") -> Any:
 
 
 def largest(axes: str = "") -> Any:
-    """The largest, at least 0; contributions are (blocks, *axes)."""
+    """Largest, at least 0; contributions are (blocks, *axes)."""
     return _declared(axes, lambda total, rows, at: np.maximum(total, rows.max(axis=0, initial=0.0)), np.maximum)
 
 
@@ -102,7 +101,7 @@ def by_group(axes: str = "") -> Any:
 
 
 def moments(axes: str, powers: int = 2) -> Any:
-    """The powers 1, ..., `powers` added up by jackknife groups, (powers, *axes, GROUPS), as ``with_powers`` does.
+    """Powers 1, ..., `powers` added up by jackknife groups, (powers, *axes, GROUPS), as ``with_powers`` does.
 
     Contributions are (blocks, *axes, LANES).
     """
@@ -149,7 +148,7 @@ class Sums:
 
     @classmethod
     def empty(cls, sizes: Mapping[str, int]) -> Self:
-        """The sums over no paths; `sizes` are the lengths of the axes by name."""
+        """Sums over no paths; `sizes` are the lengths of the axes by name."""
         own: dict[str, Any] = {
             name: np.zeros((*r.before, *(sizes[axis] for axis in r.axes), *r.behind), r.dtype)
             for name, r in cls.reductions.items()
@@ -158,11 +157,11 @@ class Sums:
 
     @classmethod
     def bytes_of_a_block(cls, sizes: Mapping[str, int]) -> int:
-        """The memory that the contributions of a block need."""
+        """Memory that the contributions of a block need."""
         return sum(8 * r.lanes * int(np.prod([sizes[axis] for axis in r.axes])) for r in cls.reductions.values())
 
     def plus(self, later: Self) -> Self:
-        """The sums over these paths and the `later` ones of the path set."""
+        """Sums over these paths and the `later` ones of the path set."""
         both: dict[str, Any] = {
             name: getattr(self, name) + getattr(later, name) for name in ("paths", "seconds", "cpu_seconds")
         }
@@ -170,7 +169,7 @@ class Sums:
         return type(self)(**both)
 
     def with_blocks(self, contributions: Mapping[str, Array], at: slice, first: int, end: int) -> Self:
-        """The sums with the contributions `at` of some blocks, see :class:`Blocks`."""
+        """Sums with the contributions `at` of some blocks, see :class:`Blocks`."""
         blocks = Blocks(first, end)
         with np.errstate(all="ignore"):
             return self._replace(

@@ -46,7 +46,7 @@ COUNTS = {"nonfinite": 0.0, "finite": 1.0}
 
 
 def claimable(record: type[Stored]) -> dict[str, Sort]:
-    """The quantities that specs may expect of a record, by name, orders and what is claimed to be equal first."""
+    """Quantities that specs may expect of a record, by name, orders and what is claimed to be equal first."""
     found = [(entry, claim) for entry in record.entries for claim in entry.meaning.claims]
     found.sort(key=lambda pair: (math.isinf(pair[1].widest), pair[1].sense != EQUAL))
     return {claim.name or entry.name: Sort(claim.sense, "h" in entry.axes) for entry, claim in found}
@@ -110,25 +110,25 @@ class Quantity(NamedTuple):
 
     @property
     def swept_places(self) -> dict[str, float]:
-        """The swept parameters with the values it belongs to."""
+        """Swept parameters with the values it belongs to."""
         if self.swept is not None:
             return dict([self.swept])
         return self.about.swept.places if self.about.swept else {}
 
     @property
     def places(self) -> dict[str, float]:
-        """The step size, eps and the swept values that it belongs to, by name, where it has them."""
+        """Step size, eps and the swept values that it belongs to, by name, where it has them."""
         by_name = {"h": self.h, "eps": self.about.eps, **self.swept_places}
         return {name: value for name, value in by_name.items() if value is not None}
 
     @property
     def subject(self) -> str:
-        """The scheme, its eps, the estimator and the test function that it belongs to, as text."""
+        """Scheme, its eps, the estimator and the test function that it belongs to, as text."""
         return self.about.subject(self.function)
 
 
 class Verdict(NamedTuple):
-    """The verdict on a claim for one scheme, at one eps, with one estimator and test function."""
+    """Verdict on a claim for one scheme, at one eps, with one estimator and test function."""
 
     claim: Claim
     found: Quantity | None  #: the worst of all step sizes; None if nothing came out that the claim speaks of
@@ -136,7 +136,7 @@ class Verdict(NamedTuple):
 
     @property
     def subject(self) -> str:
-        """The scheme, estimator and test function whose quantity is judged, as text."""
+        """Scheme, estimator and test function whose quantity is judged, as text."""
         return self.found.subject if self.found else ", ".join((self.claim.scheme, *self.claim.scopes))
 
 
@@ -175,12 +175,12 @@ def order(
 
 
 def lost_is_infinite(values: np.ndarray) -> np.ndarray:
-    """The values with infinity for NaN, where NaN means that a path diverged."""
+    """Values with infinity for NaN, where NaN means that a path diverged."""
     return np.where(np.isnan(values), np.inf, values)
 
 
 def quantities(readings: Sequence[Stored]) -> Iterator[Quantity]:
-    """The quantities of the records of a case that specs may expect, and those that several records have together."""
+    """Quantities of the records of a case that specs may expect, and those that several records have together."""
     for record in readings:
         for entry in record.entries:
             for claim in entry.meaning.claims:
@@ -190,7 +190,7 @@ def quantities(readings: Sequence[Stored]) -> Iterator[Quantity]:
 
 
 def orders_of(readings: Sequence[Stored]) -> list[Quantity]:
-    """The fitted orders of the records of a case, those of the largest errors over eps as well."""
+    """Fitted orders of the records of a case, those of the largest errors over eps as well."""
     return [one for one in quantities(readings) if one.name in ("order", "uniform_order")]
 
 
@@ -199,7 +199,7 @@ _APART = ("h", "value")
 
 
 def _claimed(record: Stored, entry: Entry, claim: Claimed) -> Iterator[Quantity]:
-    """The quantities of a field, one for each of the :func:`_numbers` that is one by ``where``."""
+    """Quantities of a field, one for each of the :func:`_numbers` that is one by ``where``."""
     if (numbers := _numbers(record, entry, claim)) is None:
         return
     labels = _labels(record, numbers.axes)
@@ -225,7 +225,7 @@ def _claimed(record: Stored, entry: Entry, claim: Claimed) -> Iterator[Quantity]
 
 
 def _numbers(record: Stored, entry: Entry, claim: Claimed) -> Estimate | None:
-    """The numbers of a field that may be claimed: of several times the last, and of exact ones the worst; or None.
+    """Numbers of a field that may be claimed: of several times the last, and of exact ones the worst; or None.
 
     The worst is that along axes that neither stand apart nor have labels.
     """
@@ -248,7 +248,7 @@ def _numbers(record: Stored, entry: Entry, claim: Claimed) -> Estimate | None:
 
 
 def _labels(record: Stored, axes: Iterable[str]) -> dict[str, str]:
-    """The template that names a quantity at a place, by axis; empty where it has none."""
+    """Template that names a quantity at a place, by axis; empty where it has none."""
     return {axis: record.by_name[axis].meaning.label for axis in axes if axis in record.by_name}
 
 
@@ -258,7 +258,7 @@ def _labels(record: Stored, axes: Iterable[str]) -> dict[str, str]:
 
 
 def judge(claims: Iterable[Claim], quantities: Iterable[Quantity]) -> list[Verdict]:
-    """The verdicts on the claims, in their order, one for each scheme, eps, estimator and function that it is about.
+    """Verdicts on the claims, in their order, one for each scheme, eps, estimator and function that it is about.
 
     Of the step sizes that a claim covers the worst one counts.  A claim without a result is inconclusive.
     """
@@ -272,7 +272,7 @@ def judge(claims: Iterable[Claim], quantities: Iterable[Quantity]) -> list[Verdi
 
 
 def _with_diverged(quantities: Sequence[Quantity]) -> list[Quantity]:
-    """The quantities, with ``lost`` set where the paths that they are estimated from diverged.
+    """Quantities, with ``lost`` set where the paths that they are estimated from diverged.
 
     A quantity that belongs to no step size is estimated from the paths at all of them.
     """
@@ -287,12 +287,12 @@ def _with_diverged(quantities: Sequence[Quantity]) -> list[Quantity]:
 
 
 def _paths(quantity: Quantity) -> tuple[Any, ...]:
-    """The paths that a quantity is estimated from: case, variant, estimator, swept value, step size."""
+    """Paths that a quantity is estimated from: case, variant, estimator, swept value, step size."""
     return quantity.about.case, quantity.about.variant, quantity.about.estimator, quantity.swept, quantity.h
 
 
 def _worst(claim: Claim, members: Sequence[Quantity]) -> Verdict:
-    """The verdict on the quantity that does worst."""
+    """Verdict on the quantity that does worst."""
 
     def badness(q: Quantity) -> tuple[int, float]:
         a, b = claim.allowed
@@ -321,13 +321,13 @@ def _verdict(claim: Claim, q: Quantity) -> str:
 
 
 def as_text(claims: Iterable[Claim]) -> str | None:
-    """The claims as JSON, to be stored; None if there are none."""
+    """Claims as JSON, to be stored; None if there are none."""
     plain = [claim._asdict() for claim in claims]
     return json.dumps(plain, ensure_ascii=False, allow_nan=False) if plain else None
 
 
 def of_text(text: str | None) -> list[Claim]:
-    """The claims in a text of :func:`as_text`; ValueError if it is none."""
+    """Claims in a text of :func:`as_text`; ValueError if it is none."""
     try:
         plain = json.loads(text) if text is not None else []
         lists = [{"scopes": tuple(entry["scopes"]), "limits": tuple(map(tuple, entry["limits"]))} for entry in plain]

@@ -12,7 +12,7 @@ from ..storage.stored import Description
 from .claims import Quantity
 
 
-class Grid(NamedTuple):
+class Surface(NamedTuple):
     """A quantity over the values of two parameters."""
 
     words: tuple[str, str]
@@ -43,7 +43,7 @@ class Grid(NamedTuple):
 
 
 def _zeros(x: np.ndarray, middle: np.ndarray, low: np.ndarray, high: np.ndarray) -> Iterator[tuple[float, float]]:
-    """The zeros of numbers with intervals along ascending x, see :meth:`Grid.zeros`."""
+    """Zeros of numbers with intervals along ascending x, see :meth:`Surface.zeros`."""
     sure = np.flatnonzero((low > 0) | (high < 0))
     for a, b in pairwise(sure.tolist()):
         if middle[a] * middle[b] < 0:
@@ -72,12 +72,12 @@ class Curve(NamedTuple):
 
     @property
     def word(self) -> str:
-        """The parameter."""
+        """Parameter."""
         return self.points[0].at[0] if self.points[0].at else ""
 
     @property
     def label(self) -> str:
-        """The name of the quantity in print."""
+        """Name of the quantity in print."""
         name = "diverged paths" if self.name == "nonfinite" else self.name.replace("_", " ")
         return name.replace("casimir", "Casimir")
 
@@ -91,18 +91,18 @@ class Curve(NamedTuple):
         """The other parameter; empty if there is none."""
         return self.about.swept.second_word if self.about.swept and not self.points[0].swept else ""
 
-    def grid(self) -> Grid:
-        """The quantity over both parameters, where there are two."""
+    def grid(self) -> Surface:
+        """Quantity over both parameters, where there are two."""
         points = {
             (point.about.swept.value, point.about.swept.second_value): point
             for point in self.points
             if point.about.swept
         }
         first, second = (np.unique(each) for each in zip(*points, strict=True))
-        return Grid((self.word, self.second_word), (first, second), points)
+        return Surface((self.word, self.second_word), (first, second), points)
 
     def zeros(self) -> list[tuple[float, float]]:
-        """The zeros over the only parameter, each with half the width of its 95 % interval; see :meth:`Grid.zeros`."""
+        """Zeros over the only parameter, each with half the width of its 95 % interval; see :meth:`Surface.zeros`."""
         if self.second_word or len(self.values) < 2:
             return []
         order = np.argsort(self.values)
@@ -123,7 +123,7 @@ class Curve(NamedTuple):
 
     @property
     def h(self) -> float | None:
-        """The step size of all points; None if they have none, or different ones."""
+        """Step size of all points; None if they have none, or different ones."""
         steps = {point.h for point in self.points}
         return steps.pop() if len(steps) == 1 else None
 
@@ -141,7 +141,7 @@ class Curve(NamedTuple):
 
 
 def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:
-    """The curves of the quantities of these names, in this order.
+    """Curves of the quantities of these names, in this order.
 
     Of a quantity at several step sizes that at the smallest counts, and of several Casimir functions the largest.
     """

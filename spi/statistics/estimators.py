@@ -11,12 +11,12 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spi.numerics.types import Array
+
 from ..numerics.groups import GROUPS, ROUND
 from ..numerics.groups import group_counts as group_counts  # where paths and sums over groups are looked for
 from ..numerics.rng import LANES, PARTS
 from ..storage.records import Order, student
-
-Array = np.ndarray
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Sums of powers of values over jackknife groups of paths, and the means that follow from them.
@@ -24,7 +24,7 @@ Array = np.ndarray
 
 
 def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples: int) -> np.ndarray:
-    """The sums (powers, ..., GROUPS) with the values (blocks, ..., LANES) and their powers added.
+    """Sums (powers, ..., GROUPS) with the values (blocks, ..., LANES) and their powers added.
 
     One after the other, so that the bits do not depend on how blocks are divided into calls; paths from number
     `samples` on do not count.
@@ -89,7 +89,7 @@ _BY_CHANCE = 16.0  # kurtosis that few samples of a law without heavy tails may 
 
 
 def kurtosis_of_groups(variance: np.ndarray, without: np.ndarray, counts: np.ndarray) -> np.ndarray:
-    """The kurtosis of n samples, whose variance has the relative variance (kurtosis - 1) / n by the jackknife."""
+    """Kurtosis of n samples, whose variance has the relative variance (kurtosis - 1) / n by the jackknife."""
     with np.errstate(all="ignore"):
         return np.asarray(1.0 + counts.sum() * (jackknife_stderr(variance, without, counts) / variance) ** 2)
 
@@ -137,12 +137,12 @@ class Extrapolation(NamedTuple):
 
     @classmethod
     def of(cls, steps: Sequence[float], exponents: Sequence[float]) -> "Extrapolation":
-        """The extrapolation that removes the powers `exponents` of h, one for each level."""
+        """Extrapolation that removes the powers `exponents` of h, one for each level."""
         return cls(places(steps, len(exponents)), weights(exponents))
 
     @property
     def levels(self) -> int:
-        """The number of powers of h that are removed."""
+        """Number of powers of h that are removed."""
         return len(self.weights) - 1
 
     @property
@@ -151,7 +151,7 @@ class Extrapolation(NamedTuple):
         return self.places[:, 0]
 
     def combined(self, values: np.ndarray) -> np.ndarray:
-        """The values (..., S) extrapolated, (..., S')."""
+        """Values (..., S) extrapolated, (..., S')."""
         return (values[..., self.places] * self.weights).sum(axis=-1) if self.levels else values
 
     def combined_bounds(self, bounds: np.ndarray) -> np.ndarray:
@@ -198,7 +198,7 @@ class Jackknife(NamedTuple):
 
 
 def jackknife(value: Array | float, without: Array, counts: Array) -> Jackknife:
-    """The value, standard error and skewness from leave-one-out values (groups, ...), for groups of unequal size.
+    """Value, standard error and skewness from leave-one-out values (groups, ...), for groups of unequal size.
 
     With weights w_g = n / n_g: the mean over paths, and sqrt(1/G sum_g (p_g - mean)^2 / (w_g - 1)), of the
     pseudo-values p_g = w_g value - (w_g - 1) without_g (Busing, Meijer and van der Leeden, Statistics and Computing 9,
@@ -217,7 +217,7 @@ def jackknife(value: Array | float, without: Array, counts: Array) -> Jackknife:
 
 
 def jackknife_stderr(value: Array | float, without: Array, counts: Array) -> Array:
-    """The standard error of :func:`jackknife`."""
+    """Standard error of :func:`jackknife`."""
     return jackknife(value, without, counts).stderr
 
 
@@ -305,7 +305,7 @@ def fit_order(
 
 
 class Largest(NamedTuple):
-    """The largest of several errors at each step size."""
+    """Largest of several errors at each step size."""
 
     which: Array  #: (steps,) the number of the largest
     value: Array  #: (steps,) without its sign
@@ -315,7 +315,7 @@ class Largest(NamedTuple):
 
 
 def largest_over(h: Array, errors: Array, withouts: Array) -> Largest:
-    """The largest of the absolute values of errors (n, steps) at each step size, and its order of convergence.
+    """Largest of the absolute values of errors (n, steps) at each step size, and its order of convergence.
 
     `withouts` (n, groups, steps) are their leave-one-out values, of groups as large as one another.  Those of the
     largest are taken for its own, as if it were known beforehand which one is the largest.  What is not a number counts
@@ -349,7 +349,7 @@ class _Fit(NamedTuple):
 
 
 def _fit(degree: int, h: Array, value: Array, without: Array, counts: Array, stderr: Array | None) -> _Fit:
-    """The least squares fit to the points, all of one weight where there are no standard errors."""
+    """Least squares fit to the points, all of one weight where there are no standard errors."""
     weights = np.ones(len(h)) if stderr is None else 1.0 / (_EXACT**2 + (stderr / value) ** 2)
     x = _centred(np.log(h), np.ones(len(h)))
     powers, root = np.vander(x, degree + 1), np.sqrt(weights)
@@ -363,7 +363,7 @@ def _fit(degree: int, h: Array, value: Array, without: Array, counts: Array, std
 
 
 def _selected(logarithms: Array, stderr: Array, smooth: Array) -> Array:
-    """The logarithms of values, corrected for two biases: of choosing values that are resolved, and of the logarithm.
+    """Logarithms of values, corrected for two biases: of choosing values that are resolved, and of the logarithm.
 
     A normal value of mean m and standard error 1, conditional on exceeding c = RESOLVED, has the mean m + phi(c - m) /
     Phi(m - c), and its logarithm the mean ln(m) - 1 / (2 m^2) to second order.  m is that of the fit: the matrix

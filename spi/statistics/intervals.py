@@ -4,14 +4,14 @@ from typing import Any
 
 import numpy as np
 
+from spi.numerics.types import Array
+
 from ..numerics.groups import filled_groups
 from ..storage.records import CONFIDENCE, INTERVAL, student
 
-Array = np.ndarray
-
 
 def zero_share_bound(samples: Any, confidence: float = CONFIDENCE) -> Any:
-    """The largest share that gives none in n independent samples with probability 1 - confidence or more.
+    """Largest share that gives none in n independent samples with probability 1 - confidence or more.
 
     1 - (1 - confidence)^(1/n), about 3/n at 95 %: the exact rule of three.
     """
@@ -57,7 +57,7 @@ def order_statistics(samples: int, level: float, confidence: float = CONFIDENCE)
     tail = 0.5 * (1.0 - confidence)
 
     def first(probability: float) -> int:
-        """The smallest k such that k values or fewer lie below with this probability or more."""
+        """Smallest k such that k values or fewer lie below with this probability or more."""
         low, high = -1, samples
         while high - low > 1:
             middle = (low + high) // 2

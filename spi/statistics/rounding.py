@@ -17,10 +17,10 @@ from typing import Any
 
 import numpy as np
 
+from spi.numerics.types import Array
+
 from ..ensemble.long_states import LongState
 from ..storage.records import INTERVAL
-
-Array = np.ndarray
 
 EPSILON = 2.0**-52
 MULTIPLE = 8.0  #: of EPSILON, the size and 1 + sqrt(n)
@@ -29,7 +29,7 @@ _PATTERNS = 4  # of signs
 
 
 def rounding(size: Any, steps: Any = 0) -> Array:
-    """The largest difference of numbers of this size, after so many steps, that counts as rounding."""
+    """Largest difference of numbers of this size, after so many steps, that counts as rounding."""
     return MULTIPLE * (1.0 + np.sqrt(steps)) * EPSILON * np.asarray(size, float)
 
 
@@ -46,7 +46,7 @@ def with_rounding(stderr: Any, difference: Any, size: Any, steps: Any = 0) -> Ar
 
 
 def size_of(state: Iterable[float] | None) -> float:
-    """The size of a state for :func:`rounding`: its length, or 1 of the state 0, and of none."""
+    """Size of a state for :func:`rounding`: its length, or 1 of the state 0, and of none."""
     if isinstance(state, LongState):
         return float(np.linalg.norm(state.values)) or 1.0
     length = math.hypot(*(() if state is None else state))
@@ -54,7 +54,7 @@ def size_of(state: Iterable[float] | None) -> float:
 
 
 def size_of_values(function: Callable[[Array], Array], state: Iterable[float]) -> float:
-    """The size for :func:`rounding` of the values f(y) of a function of arrays (d, n) near a state.
+    """Size for :func:`rounding` of the values f(y) of a function of arrays (d, n) near a state.
 
     |f(y)|, or sum_i s_i |df/dy_i|, s_i the larger of |y_i| and the root mean square of all components: relative
     roundings of y change f by that times their size, also where f is a small difference such as H - H_0.  The sum is
@@ -85,7 +85,7 @@ def note_exact(errors: Array, exact: Array) -> str:
 
 
 def all_exact(notes: str, function: str = "") -> str:
-    """The part of notes by :func:`note_exact` that says that all errors, of a function, are exact; "" without one."""
+    """Part of notes by :func:`note_exact` that says that all errors, of a function, are exact; "" without one."""
     for part in notes.split("; "):
         name, _, note = part.rpartition(": ")
         if note.startswith("exact") and function in ("", name):

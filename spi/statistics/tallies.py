@@ -6,7 +6,7 @@ chunks.  The result depends neither on the order in which chunks are computed, n
 more of them follow later.  Only the roots of the largest complete subtrees are kept, about log2(N) of them for N
 chunks.
 
-The addition is :meth:`Sums.plus`: most fields are added, of others the larger one is taken, and states of paths are
+The addition is :meth:`Addable.plus`: most fields are added, of others the larger one is taken, and states of paths are
 joined.
 """
 
@@ -25,19 +25,19 @@ CHUNK_WORK = 2**32
 _CLOCK = "seconds"  # with which the names of those fields end that a clock decides
 
 
-class Sums(Protocol):
+class Addable(Protocol):
     """Sums over some paths: a ``NamedTuple`` of arrays, numbers and texts, so that a file can hold it."""
 
     @property
     def paths(self) -> int:
-        """The number of paths that are summed completely."""
+        """Number of paths that are summed completely."""
 
     @property
     def seconds(self) -> float:
         """Wall-clock time spent on them."""
 
     def plus(self, later: Self) -> Self:
-        """The sums over these paths and the `later` ones of the path set."""
+        """Sums over these paths and the `later` ones of the path set."""
 
     def _asdict(self) -> dict[str, Any]: ...
 
@@ -58,12 +58,12 @@ class Chunk:
 
     @property
     def paths(self) -> int:
-        """The number of its paths."""
+        """Number of its paths."""
         return self.end - self.first * LANES
 
     @property
     def blocks(self) -> int:
-        """The number of its blocks, the last one perhaps partly idle."""
+        """Number of its blocks, the last one perhaps partly idle."""
         return -(-self.end // LANES) - self.first
 
 
@@ -75,7 +75,7 @@ class PathSet(NamedTuple):
 
     @property
     def whole(self) -> int:
-        """The number of whole chunks, which come first."""
+        """Number of whole chunks, which come first."""
         return self.samples // (self.chunk_blocks * LANES)
 
     def chunks(self, number: int) -> list[Chunk]:
@@ -102,7 +102,7 @@ def _is_of(sums: Any, paths: int) -> bool:
 
 
 class Tally(NamedTuple):
-    """The sums over the computed chunks of one path set; immutable, its methods return a new tally."""
+    """Sums over the computed chunks of one path set; immutable, its methods return a new tally."""
 
     #: (height, number) -> the sums of the chunks number * 2^height, ..., (number + 1) * 2^height - 1
     nodes: dict[tuple[int, int], Any]
@@ -111,7 +111,7 @@ class Tally(NamedTuple):
 
     @classmethod
     def empty(cls) -> "Tally":
-        """The tally without any sums."""
+        """Tally without any sums."""
         return cls({}, {})
 
     def has(self, chunk: Chunk) -> bool:
@@ -119,20 +119,20 @@ class Tally(NamedTuple):
         return self._covers(chunk.index) or (chunk.index in self.short and self.short[chunk.index].paths == chunk.paths)
 
     def known(self, chunk: Chunk) -> Any | None:
-        """The sums from which a chunk that is not done can go on, or None."""
+        """Sums from which a chunk that is not done can go on, or None."""
         sums = self.short.get(chunk.index)
         may = sums is not None and sums.paths < chunk.paths and sums.paths % LANES == 0
         return sums if may and _is_of(sums, chunk.paths) else None
 
     def with_chunk(self, chunk: Chunk, sums: Any, whole: bool) -> "Tally":
-        """The tally with new sums of a chunk; `whole` if it is done and as long as a chunk can be."""
+        """Tally with new sums of a chunk; `whole` if it is done and as long as a chunk can be."""
         short = {i: others for i, others in self.short.items() if i != chunk.index}
         if whole:
             return self._with_node((0, chunk.index), sums, short)
         return Tally(self.nodes, short | {chunk.index: sums})
 
     def merged(self, other: "Tally") -> "Tally":
-        """The tally with the sums of another tally of the same path set."""
+        """Tally with the sums of another tally of the same path set."""
         tally = self
         for node, sums in sorted(other.nodes.items(), reverse=True):
             if not tally._covers_node(node):
@@ -155,14 +155,14 @@ class Tally(NamedTuple):
         return Tally(nodes, {i: sums for i, sums in short.items() if not others._covers(i)})
 
     def within(self, path_set: PathSet) -> "Tally":
-        """The tally without sums that include later paths than those of `path_set`."""
+        """Tally without sums that include later paths than those of `path_set`."""
         nodes = {(k, n): sums for (k, n), sums in self.nodes.items() if (n + 1) << k <= path_set.whole}
         wanted = {chunk.index: chunk.paths for chunk in path_set.chunks(0)}
         short = {i: sums for i, sums in self.short.items() if i in wanted and sums.paths <= wanted[i]}
         return Tally(nodes, {i: sums for i, sums in short.items() if _is_of(sums, wanted[i])})
 
     def total(self, path_set: PathSet) -> Any:
-        """The sums of all paths of a path set; KeyError if something is missing."""
+        """Sums of all paths of a path set; KeyError if something is missing."""
         parts, first = [], 0
         for height in reversed(range(path_set.whole.bit_length())):
             if path_set.whole >> height & 1:
@@ -175,7 +175,7 @@ class Tally(NamedTuple):
         return _joined(parts)
 
     def so_far(self) -> Any | None:
-        """The sums over all computed paths, or None if there are none."""
+        """Sums over all computed paths, or None if there are none."""
         nodes = sorted(self.nodes.items(), key=lambda item: item[0][1] << item[0][0])
         return _joined([*(sums for _, sums in nodes), *(sums for _, sums in sorted(self.short.items()))])
 
@@ -191,7 +191,7 @@ class Tally(NamedTuple):
 
     @property
     def paths(self) -> int:
-        """The number of computed paths."""
+        """Number of computed paths."""
         return sum(sums.paths for sums in self.each)
 
     @property
@@ -219,11 +219,11 @@ class Tally(NamedTuple):
 
 
 def _joined(parts: list[Any]) -> Any | None:
-    """The sum of `parts`, added from the first paths on; None if there are none."""
+    """Sum of `parts`, added from the first paths on; None if there are none."""
     return functools.reduce(lambda earlier, later: earlier.plus(later), parts) if parts else None
 
 
-def digest(sums: Sums) -> str:
+def digest(sums: Addable) -> str:
     """A hash, of 32 characters, of all sums over some paths except the time spent."""
     hasher = hashlib.sha256()
     for name, value in sorted(sums._asdict().items()):

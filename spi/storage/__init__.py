@@ -1,7 +1,7 @@
 """Files in and out: results, sums over paths, and where the numbers came from."""
 
 from .provenance import computed_by, finished, former, keys_needed, machine, make_room, provenance
-from .records import INTERVAL, Group, Order, Part, Results
+from .records import INTERVAL, Group, Order, Part, StoredResults
 from .results import StorageError, check_writable, contents, read, remove_leftovers, write, write_all
 from .sums import Store
 
@@ -10,9 +10,9 @@ __all__ = [
     "Group",
     "Order",
     "Part",
-    "Results",
     "StorageError",
     "Store",
+    "StoredResults",
     "check_writable",
     "computed_by",
     "contents",

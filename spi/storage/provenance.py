@@ -44,14 +44,14 @@ def machine() -> str:
 
 
 def _version_of(package: str) -> str:
-    """The version of an installed package; results must not be lost because some installation does not state it."""
+    """Version of an installed package; results must not be lost because some installation does not state it."""
     with contextlib.suppress(ImportError, OSError):  # none installed; or one whose description cannot be read
         return importlib.metadata.version(package) or "unknown"
     return "unknown"
 
 
 def _processor() -> str:
-    """The name of the processor."""
+    """Name of the processor."""
     facts: dict[str, str] = {}
     with contextlib.suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace").splitlines():
@@ -61,7 +61,7 @@ def _processor() -> str:
 
 
 def finished(path: str | Path, identity: dict[str, Any]) -> dict[str, Any] | None:
-    """The root attributes of complete results of this very spec, its text included, whatever sources computed them.
+    """Root attributes of complete results of this very spec, its text included, whatever sources computed them.
 
     None if the file does not hold such results.
     """
@@ -73,7 +73,7 @@ def finished(path: str | Path, identity: dict[str, Any]) -> dict[str, Any] | Non
 
 
 def former(path: Path) -> Path:
-    """The file in which those results are kept that were in a file before its spec, or the sources, changed."""
+    """File in which those results are kept that were in a file before its spec, or the sources, changed."""
     return path.with_suffix(f".previous{path.suffix}")
 
 
@@ -99,14 +99,14 @@ def make_room(path: Path, identity: dict[str, Any], fresh: bool = False) -> set[
 
 
 def keys_needed(path: Path) -> set[str]:
-    """The keys of the sums that results are made of; none if there are no such results."""
+    """Keys of the sums that results are made of; none if there are no such results."""
     with contextlib.suppress(StorageError, KeyError, TypeError, ValueError, AttributeError):
         return {key for keys in json.loads(read_root(path)["sums"]).values() for key in keys}
     return set()
 
 
 def _existing(path: str | Path) -> dict[str, Any]:
-    """The root attributes of a file to be written; the StorageError about a foreign file says what a run can do."""
+    """Root attributes of a file to be written; the StorageError about a foreign file says what a run can do."""
     try:
         return read_root(path)
     except StorageError as error:

@@ -31,7 +31,7 @@ Variables = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of 
 
 
 class Part(NamedTuple):
-    """The part of a case that is computed at a time: one scheme, with one estimator where a study has several."""
+    """Part of a case that is computed at a time: one scheme, with one estimator where a study has several."""
 
     scheme: str  #: its name in ``spi.schemes.SCHEMES``
     estimator: str = ""
@@ -40,18 +40,18 @@ class Part(NamedTuple):
 
     @property
     def variant(self) -> str:
-        """The name in a file of the scheme, with its eps if it has one and its levels of extrapolation."""
+        """Name in a file of the scheme, with its eps if it has one and its levels of extrapolation."""
         name = self.scheme if self.eps is None else f"{self.scheme}_eps_{self.eps:g}"
         return f"{name}_extrapolated_{self.extrapolate}" if self.extrapolate else name
 
     @property
     def name(self) -> str:
-        """The name of the part in progress and checkpoints."""
+        """Name of the part in progress and checkpoints."""
         return f"{self.variant}/{self.estimator}" if self.estimator else self.variant
 
 
 class Group(NamedTuple):
-    """The results of one part, in a file ``/<case>/<variant>`` or ``/<case>/<variant>/<estimator>``."""
+    """Results of one part, in a file ``/<case>/<variant>`` or ``/<case>/<variant>/<estimator>``."""
 
     case: str
     variant: str
@@ -72,7 +72,7 @@ class Group(NamedTuple):
         return {name: values for name, (_, values) in self.variables.items()}
 
 
-class Results(NamedTuple):
+class StoredResults(NamedTuple):
     """One results file."""
 
     attributes: dict[str, Any]  #: of the whole experiment: kind, title, figure, spec, spec_hash, profile, seed, ...

@@ -28,7 +28,7 @@ from typing import Any, BinaryIO
 import h5py
 import numpy as np
 
-from .records import Group, Results
+from .records import Group, StoredResults
 
 try:
     import fcntl
@@ -56,7 +56,7 @@ class StorageError(Exception):
 
 
 def contents(path: str | Path, most: int) -> bytes:
-    """The bytes of a regular file of at most `most` bytes.
+    """Bytes of a regular file of at most `most` bytes.
 
     Raises OSError if it cannot be read, ValueError if it is something else, such as a pipe or a device, which might
     never come to an end, or if it is larger.
@@ -117,12 +117,12 @@ def aside(
 
 
 def temporary_beside(path: Path) -> Path:
-    """The path under which this process writes ``path`` before it is moved into place."""
+    """Path under which this process writes ``path`` before it is moved into place."""
     return path.with_name(f".{path.name}.{_host()}.{os.getpid()}.tmp")
 
 
 def _host() -> str:
-    """The name of this machine, as it may stand in the name of a file."""
+    """Name of this machine, as it may stand in the name of a file."""
     return re.sub(r"[^A-Za-z0-9-]", "-", platform.node())[:40] or "host"
 
 
@@ -196,7 +196,7 @@ def _reserve(file: BinaryIO, size: int) -> None:
 
 
 def _digest(file: BinaryIO, size: int) -> bytes:
-    """The hexadecimal digits of the checksum of the first `size` bytes of a file, which is then read to there."""
+    """Hexadecimal digits of the checksum of the first `size` bytes of a file, which is then read to there."""
     digest, left = hashlib.sha256(), size
     file.seek(0)
     while left and (data := file.read(min(left, _AT_A_TIME))):
@@ -229,7 +229,7 @@ def write_all(files: Mapping[Path, bytes]) -> None:
 
 
 def checksum_of(data: bytes) -> bytes:
-    """The checksum that follows the bytes of an HDF5 file."""
+    """Checksum that follows the bytes of an HDF5 file."""
     return _CHECKSUM + hashlib.sha256(data).hexdigest().encode() + b"\n"
 
 
@@ -262,7 +262,7 @@ def checked(path: str | Path) -> tuple[bytes | os.stat_result, bool | None]:
 
 @contextlib.contextmanager
 def opened(path: str | Path, data: bytes | os.stat_result) -> Iterator[h5py.File]:
-    """The HDF5 file of :func:`checked`, open for reading.
+    """HDF5 file of :func:`checked`, open for reading.
 
     HDF5 refuses to open a path that something else in the same process, such as xarray, holds open in another way.  So
     the bytes of a file are read first, of a large one only if HDF5 does refuse.
@@ -284,7 +284,7 @@ def opened(path: str | Path, data: bytes | os.stat_result) -> Iterator[h5py.File
 
 
 def reason(error: OSError) -> str:
-    """The message of the operating system, in small letters."""
+    """Message of the operating system, in small letters."""
     return os.strerror(error.errno).lower() if error.errno else (str(error) or type(error).__name__).splitlines()[0]
 
 
@@ -300,7 +300,7 @@ _CHUNKS = "digests of chunks"
 _DAMAGED = "the results file is damaged; delete it and run the experiment again"
 
 
-def write(path: str | Path, results: Results, check: Callable[[], None] = lambda: None) -> None:
+def write(path: str | Path, results: StoredResults, check: Callable[[], None] = lambda: None) -> None:
     """Write ``results`` to ``path``; the folder is made if need be, an older file is replaced whole.
 
     `check` raises an error if the file must not be replaced; see :func:`~spi.storage.results.aside`.
@@ -314,8 +314,8 @@ def write(path: str | Path, results: Results, check: Callable[[], None] = lambda
         _write_array(file, _CHUNKS, np.array(results.chunks, dtype=str)).make_scale(_CHUNKS)
 
 
-def read(path: str | Path) -> Results:
-    """The :class:`~spi.storage.records.Results` in ``path``; the groups of one case stand together."""
+def read(path: str | Path) -> StoredResults:
+    """:class:`~spi.storage.records.StoredResults` in ``path``; the groups of one case stand together."""
     path = Path(path)
     with _open_results(path) as file:
         try:
@@ -326,13 +326,13 @@ def read(path: str | Path) -> Results:
                         groups += (_read_group(case, variant, name, estimator) for name, estimator in source.items())
                     else:
                         groups.append(_read_group(case, variant, "", source))
-            return Results(_read_attributes(file), tuple(groups), tuple(read_array(file[_CHUNKS]).tolist()))
+            return StoredResults(_read_attributes(file), tuple(groups), tuple(read_array(file[_CHUNKS]).tolist()))
         except (*DAMAGE, MemoryError, StopIteration) as error:
             raise StorageError(f"{path}: {_DAMAGED}") from error
 
 
 def read_root(path: str | Path) -> dict[str, Any]:
-    """The attributes of the whole file, without any results."""
+    """Attributes of the whole file, without any results."""
     with _open_results(Path(path)) as file:
         try:
             return _read_attributes(file)
@@ -341,12 +341,12 @@ def read_root(path: str | Path) -> dict[str, Any]:
 
 
 def size_of(arrays: Iterable[Any]) -> int:
-    """The bytes of a file with these arrays, about."""
+    """Bytes of a file with these arrays, about."""
     return sum(np.asarray(values).nbytes + _EACH for values in arrays)
 
 
 def _arrays(group: Group) -> Iterator[Any]:
-    """The arrays of a group."""
+    """Arrays of a group."""
     yield from group.coordinates.values()
     yield from (values for _, values in group.variables.values())
 
@@ -385,7 +385,7 @@ def _read_group(case: str, variant: str, estimator: str, source: h5py.Group) -> 
 
 
 def _axis(dataset: h5py.Dataset, i: int) -> str:
-    """The name of axis i, as its scale was made; the name in the file would be searched in all groups before it."""
+    """Name of axis i, as its scale was made; the name in the file would be searched in all groups before it."""
     name = h5py.h5ds.get_scale_name(dataset.dims[i][0].id)
     return str(name.decode() if isinstance(name, bytes) else name)
 
@@ -404,7 +404,7 @@ def _write_array(target: h5py.Group, name: str, values: Any) -> h5py.Dataset:
 
 
 def read_array(dataset: h5py.Dataset) -> np.ndarray:
-    """The array of a dataset, texts and bools as such."""
+    """Array of a dataset, texts and bools as such."""
     if dataset.nbytes > dataset.file.id.get_filesize():  # ours lie in the file as they are
         raise ValueError(f"{dataset.name} is larger than its file")
     if h5py.check_string_dtype(dataset.dtype):
@@ -414,7 +414,7 @@ def read_array(dataset: h5py.Dataset) -> np.ndarray:
 
 
 def _bools(values: np.ndarray) -> np.ndarray:
-    """The bools stored as 0 and 1; ValueError if there is any other value, which is never written."""
+    """Bools stored as 0 and 1; ValueError if there is any other value, which is never written."""
     if not np.isin(values, (0, 1)).all():
         raise ValueError("a bool that is neither 0 nor 1")
     return values.astype(bool)
@@ -446,7 +446,7 @@ def _encode(name: str, value: Any) -> Any:
 
 
 def _decode(value: Any) -> Any:
-    """The inverse of :func:`_encode`; UnicodeEncodeError of a text that is no UTF-8, which is never written."""
+    """Inverse of :func:`_encode`; UnicodeEncodeError of a text that is no UTF-8, which is never written."""
     values = np.asarray(value)
     for text in values.flat if values.dtype.kind in "OU" else ():
         str(text).encode()  # h5py gives bytes that mean nothing as surrogates
@@ -461,7 +461,7 @@ def _tuples(value: Any) -> Any:
 
 @contextlib.contextmanager
 def _open_results(path: Path) -> Iterator[h5py.File]:
-    """The results file, open for reading; StorageError if its checksum or the version of its layout is wrong."""
+    """Results file, open for reading; StorageError if its checksum or the version of its layout is wrong."""
     try:
         data, sound = checked(path)
     except FileNotFoundError:
@@ -490,6 +490,6 @@ def _open_results(path: Path) -> Iterator[h5py.File]:
 
 
 def _version(file: h5py.File) -> int | None:
-    """The version of the layout; None if the file is not of ours."""
+    """Version of the layout; None if the file is not of ours."""
     version = np.asarray(file.attrs.get(MARK))
     return int(version) if version.shape == () and version.dtype.kind in "iu" else None

@@ -53,12 +53,12 @@ from typing import (
 
 import numpy as np
 
+from spi.numerics.types import Array
+
 from ..ensemble.long_states import LongState
 from ..ensemble.random_states import RandomState
 from ..numerics.groups import filled_groups
 from .records import Group, Order, Part, student
-
-Array = np.ndarray
 
 #: The axes that have no values of their own.
 NUMBERED = {
@@ -78,7 +78,7 @@ EQUAL, AT_MOST, AT_LEAST = "equal", "at most", "at least"  #: the senses in whic
 
 
 class Claimed(NamedTuple):
-    """The claims that specs may make about a field; texts are names of fields or properties of the record."""
+    """Claims that specs may make about a field; texts are names of fields or properties of the record."""
 
     sense: str  #: in which a bare number is meant
     name: str = ""  #: of the quantity, if it is not that under which the field is stored
@@ -91,7 +91,7 @@ class Claimed(NamedTuple):
 
 
 class Meaning(NamedTuple):
-    """The description of a field: its long name, unit, formula and axes, how it is stored and what may be claimed."""
+    """Description of a field: its long name, unit, formula and axes, how it is stored and what may be claimed."""
 
     text: str = ""
     unit: str = ""
@@ -106,13 +106,13 @@ class Meaning(NamedTuple):
 
     @property
     def notes(self) -> dict[str, str]:
-        """The attributes of an array in a file."""
+        """Attributes of an array in a file."""
         texts = {"long_name": self.text, "formula": self.formula, "units": self.unit}
         return {name: text for name, text in texts.items() if text}
 
     @property
     def label(self) -> str:
-        """The template that names a quantity at a place along an axis; empty if it has no such name."""
+        """Template that names a quantity at a place along an axis; empty if it has no such name."""
         return self.column or ("{}" if self.name == "function" else "")
 
 
@@ -120,19 +120,19 @@ _Claims = Claimed | str | tuple[Claimed, ...]
 
 
 def _claims(claim: _Claims) -> tuple[Claimed, ...]:
-    """The claims in short form: the sense of the only one, or nothing for none."""
+    """Claims in short form: the sense of the only one, or nothing for none."""
     if isinstance(claim, str):
         return (Claimed(claim),) if claim else ()
     return (claim,) if isinstance(claim, Claimed) else claim
 
 
 def _described(meaning: Meaning, default: Any) -> Any:
-    """The field of a dataclass with this description."""
+    """Field of a dataclass with this description."""
     return dataclass_field(default=default, metadata={"meaning": meaning})
 
 
 def axis(text: str, unit: str = "", name: str = "", column: str = "", default: Any = MISSING) -> Any:
-    """The values along an axis, numbers or texts; `column` names the quantities at each of them."""
+    """Values along an axis, numbers or texts; `column` names the quantities at each of them."""
     return _described(Meaning(text, unit, name=name, column=column, is_axis=True), default)
 
 
@@ -285,7 +285,7 @@ def layout(
     always: bool = True,
     path: tuple[str, ...] = (),
 ) -> Iterator[Entry]:
-    """The entries of a file that store a record, name by name."""
+    """Entries of a file that store a record, name by name."""
     for field in cls.described:
         needed, here = always and not field.optional and field.default is MISSING, (*path, field.name)
         if field.is_record:
@@ -307,7 +307,7 @@ def properties(
     outer: Meaning = Meaning(),  # noqa: B008
     path: tuple[str, ...] = (),
 ) -> Iterator[Entry]:
-    """The derived properties of a record and of those within it."""
+    """Derived properties of a record and of those within it."""
     for name, member in vars(cls).items():
         if isinstance(member, Derived):
             meaning = member.meaning
@@ -319,7 +319,7 @@ def properties(
 
 
 class Swept(Described):
-    """The value of a swept parameter that a case has."""
+    """Value of a swept parameter that a case has."""
 
     word: str = fact("the swept parameter")
     value: float = fact("its value")
@@ -331,12 +331,12 @@ class Swept(Described):
 
     @property
     def places(self) -> dict[str, float]:
-        """The values by the names of the parameters."""
+        """Values by the names of the parameters."""
         return {self.word: self.value} | ({self.second_word: self.second_value} if self.second_word else {})
 
 
 class Description(Described):
-    """The system and scheme that were integrated.
+    """System and scheme that were integrated.
 
     Of a whole sweep, a field that differs from value to value is None, or missing among the parameters.
     """
@@ -363,20 +363,20 @@ class Description(Described):
 
     @property
     def owner(self) -> str:
-        """The name of the case in the spec, which is another one than that of the group if a parameter is swept."""
+        """Name of the case in the spec, which is another one than that of the group if a parameter is swept."""
         return self.swept.owner if self.swept else self.case
 
     @property
     def label(self) -> str:
-        """The name of the scheme in print, with its eps if it has one and with its extrapolation."""
+        """Name of the scheme in print, with its eps if it has one and with its extrapolation."""
         return self.subject(with_estimator=False)
 
     def subject(self, function: str = "", with_estimator: bool = True) -> str:
-        """The parts of the name with a test function, divided by commas."""
+        """Parts of the name with a test function, divided by commas."""
         return ", ".join(self.parts(function, with_estimator))
 
     def parts(self, function: str = "", with_estimator: bool = True) -> list[str]:
-        """The scheme, its eps and extrapolation, the estimator and a test function, as far as it has them."""
+        """Scheme, its eps and extrapolation, the estimator and a test function, as far as it has them."""
         eps = "" if self.eps is None else f"eps = {self.eps:g}"
         parts = self.scheme_label, eps, self.extrapolation, self.estimator * with_estimator, function
         return [part for part in parts if part]
@@ -389,7 +389,7 @@ class Description(Described):
 
     @classmethod
     def describe(cls, case: Any, row: Any, part: Part) -> Self:
-        """The description of `part` of `case`; `row` is its scheme's row of SCHEMES."""
+        """Description of `part` of `case`; `row` is its scheme's row of SCHEMES."""
         random, sweep = isinstance(case.initial, RandomState), getattr(case, "sweep", None)
         return cls(
             case=case.name,
@@ -414,7 +414,7 @@ class Description(Described):
         )
 
     def attributes(self) -> dict[str, Any]:
-        """The attributes of a group that store it, but for what is as by default, and for the names in its path."""
+        """Attributes of a group that store it, but for what is as by default, and for the names in its path."""
         stored: dict[str, Any] = {}
         for entry in layout(type(self)):
             value, field = entry.of(self), entry.field
@@ -426,13 +426,13 @@ class Description(Described):
 
     @classmethod
     def of(cls, group: Group) -> Self:
-        """The description of a group; KeyError, with the name, if it lacks a needed attribute."""
+        """Description of a group; KeyError, with the name, if it lacks a needed attribute."""
         fields = _taken(cls, group, Meaning()) | {"estimator": group.estimator}
         return cls(case=group.case, variant=group.variant, **fields)
 
     @classmethod
     def common(cls, each: Sequence[Self]) -> Self:
-        """The description of a whole sweep, of those with each value."""
+        """Description of a whole sweep, of those with each value."""
         first, *others = each
         names = [field.name for field in first.described]
         differing = [name for name in names if any(getattr(other, name) != getattr(first, name) for other in others)]
@@ -443,14 +443,14 @@ class Description(Described):
 
 
 def _swept(sweep: Any) -> Swept:
-    """The record of the key ``sweep`` of a case that has one of its values."""
+    """Record of the key ``sweep`` of a case that has one of its values."""
     (word, value), *others = sweep.places.items()
     second = dict(zip(("second_word", "second_value"), others[0], strict=True)) if others else {}
     return Swept(word=word, value=value, owner=sweep.case, title=sweep.title, of=sweep.of, **second)
 
 
 class Stored(Described):
-    """The results of one part of an experiment, stored as a group of a results file."""
+    """Results of one part of an experiment, stored as a group of a results file."""
 
     headline: ClassVar[tuple[str, ...]] = ()  #: the quantities that reports, and figures over a parameter, show first
     measures: ClassVar[str] = ""  #: a sentence that defines them, with LaTeX between dollars
@@ -475,7 +475,7 @@ class Stored(Described):
         cls.by_name = {entry.name: entry for entry in sorted(cls.entries, key=lambda entry: entry.is_fact)}
 
     def freedom(self, name: str) -> float:
-        """The degrees of freedom of the standard error of a field, by its name in files.
+        """Degrees of freedom of the standard error of a field, by its name in files.
 
         By default one less than the number of jackknife groups that `samples` paths fill, as most standard errors are
         those of the jackknife; infinite of a record without `samples`, which overrides it if its errors come from few.
@@ -488,7 +488,7 @@ class Stored(Described):
         return float(student(self.freedom(name)))
 
     def group(self) -> Group:
-        """The group of a results file that stores it."""
+        """Group of a results file that stores it."""
         about = self.about
         group = Group(about.case, about.variant, {}, {}, about.attributes(), about.estimator, {})
         for entry in layout(type(self)):
@@ -514,12 +514,12 @@ class Stored(Described):
 
     @classmethod
     def facts(cls) -> list[str]:
-        """The names of the fields that hold a number, a text or a tuple of them."""
+        """Names of the fields that hold a number, a text or a tuple of them."""
         return [field.name for field in cls.described if not (field.is_array or field.is_order or field.is_record)]
 
     @classmethod
     def of(cls, group: Group) -> Self:
-        """The record in a group; KeyError, with the name, if the group lacks a field that the record needs."""
+        """Record in a group; KeyError, with the name, if the group lacks a field that the record needs."""
         return cls(about=Description.of(group), **_taken(cls, group, Meaning()))
 
     def get(self, name: str) -> Any:
@@ -527,7 +527,7 @@ class Stored(Described):
         return self.by_name[name].of(self) if name in self.by_name else None
 
     def estimate(self, name: str) -> "Estimate | None":
-        """The numbers of a field or derived property with their intervals; None if there are none."""
+        """Numbers of a field or derived property with their intervals; None if there are none."""
         if (value := self.get(name)) is None:
             return None
         axes, numbers = self.by_name[name].axes, np.asarray(value)
@@ -556,7 +556,7 @@ class Stored(Described):
 
     @classmethod
     def quantities_of_case(cls, readings: Any) -> Iterator[Any]:
-        """The quantities (``spi.statistics.claims.Quantity``) that follow from several records of a case."""
+        """Quantities (``spi.statistics.claims.Quantity``) that follow from several records of a case."""
         yield from ()
 
     @classmethod
@@ -565,7 +565,7 @@ class Stored(Described):
         yield from ()
 
     def titled(self, title: str, readings: Any) -> str:
-        """The title of all records, of which the experiment states `title`."""
+        """Title of all records, of which the experiment states `title`."""
         return title
 
     def remarks(self) -> Iterator[str]:
@@ -581,7 +581,7 @@ class Stored(Described):
 def interval_ends(
     values: Array, low: Array | None, high: Array | None, half: Array | None, stderr: Array | None, factor: float
 ) -> tuple[Array, Array] | None:
-    """The ends of 95 % intervals: those given, else by half the widths, else `factor` standard errors; None without."""
+    """Ends of 95 % intervals: those given, else by half the widths, else `factor` standard errors; None without."""
     if low is not None and high is not None:
         return low, high
     with np.errstate(invalid="ignore", over="ignore"):
@@ -594,7 +594,7 @@ R = TypeVar("R", bound=Stored)
 
 
 def by_case(readings: Iterable[R]) -> list[list[R]]:
-    """The records of each case, in the order of the file."""
+    """Records of each case, in the order of the file."""
     cases: dict[str, list[R]] = {}
     for reading in readings:
         cases.setdefault(reading.about.case, []).append(reading)
@@ -602,7 +602,7 @@ def by_case(readings: Iterable[R]) -> list[list[R]]:
 
 
 def gathered(records: Iterable[Stored]) -> list[Stored]:
-    """The records with one for all values of a swept parameter in place of each, where these are an axis of theirs."""
+    """Records with one for all values of a swept parameter in place of each, where these are an axis of theirs."""
     by_part: dict[tuple[str, str, str], list[Stored]] = {}
     for one in records:
         case = one.about.owner if one.over_swept else one.about.case
@@ -611,7 +611,7 @@ def gathered(records: Iterable[Stored]) -> list[Stored]:
 
 
 def stored_names(field: Field, prefix: str = "") -> tuple[str, ...]:
-    """The names under which a field is stored; of an order those of its four arrays."""
+    """Names under which a field is stored; of an order those of its four arrays."""
     name = field.meaning.name or prefix + field.name
     if not field.is_order:
         return (name,)
@@ -619,12 +619,12 @@ def stored_names(field: Field, prefix: str = "") -> tuple[str, ...]:
 
 
 def _taken(cls: type[Described], group: Group, outer: Meaning) -> dict[str, Any]:
-    """The fields of a record from a group, by name."""
+    """Fields of a record from a group, by name."""
     return {field.name: _value(field, group, outer) for field in cls.described}
 
 
 def _value(field: Field, group: Group, outer: Meaning) -> Any:
-    """The value of a field in a group; KeyError if it is missing and needed."""
+    """Value of a field in a group; KeyError if it is missing and needed."""
     if field.is_record:
         there = _is_there(field, group)
         return field.type(**_taken(field.type, group, field.meaning)) if there or not field.optional else None
@@ -670,14 +670,14 @@ class Estimate(NamedTuple):
 
     @property
     def absolute(self) -> "Estimate":
-        """The numbers without their signs."""
+        """Numbers without their signs."""
         negative = self.value < 0
         low, high = np.where(negative, -self.high, self.low), np.where(negative, -self.low, self.high)
         value = np.abs(self.value)
         return Estimate(self.axes, value, *((value, value) if self.exact else (low, high)))
 
     def map(self, function: Callable[[Array], Array]) -> "Estimate":
-        """The numbers and the ends after a function."""
+        """Numbers and the ends after a function."""
         value = function(self.value)
         return self._replace(
             value=value,

@@ -23,12 +23,12 @@ _DAMAGE = (*DAMAGE, ArithmeticError, MemoryError)
 
 
 class Store(NamedTuple):
-    """The sums in a folder, by their keys; those of a `shard` of an experiment stand in files of their own."""
+    """Sums in a folder, by their keys; those of a `shard` of an experiment stand in files of their own."""
 
     folder: Path
 
     def path(self, key: str, shard: str = "") -> Path:
-        """The file of the sums with a key: ``<key>.h5``, or ``<key>.<shard>.h5``."""
+        """File of the sums with a key: ``<key>.h5``, or ``<key>.<shard>.h5``."""
         return self.folder / ".".join(filter(None, (key, shard, "h5")))
 
     def write(self, key: str, plain: Mapping[str, Any], shard: str = "") -> None:
@@ -36,7 +36,7 @@ class Store(NamedTuple):
         arrays: list[Any] = []
 
         def reference(value: Any) -> Any:
-            """The JSON for what JSON has not: the number of an array, or of NumPy a number."""
+            """JSON for what JSON has not: the number of an array, or of NumPy a number."""
             if isinstance(value, np.generic):
                 return value.item()
             arrays.append(value)

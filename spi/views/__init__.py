@@ -8,13 +8,13 @@ from typing import IO, TYPE_CHECKING, Any, NamedTuple
 from ..kinds import KINDS
 from ..printing import sweeps, tables
 from ..printing.rows import rows_of
-from ..printing.tables import Cell, Grid, printed, show_items
+from ..printing.tables import StyledText, TextTable, printed, show_items
 from ..printing.text import new_console, printable
 from ..specs.document import Document, SpecError
 from ..statistics import claims
 from ..statistics.curves import Curve, curves
 from ..storage import StorageError, write_all
-from ..storage.records import Group, Results
+from ..storage.records import Group, StoredResults
 from ..storage.stored import Stored, by_case
 
 if TYPE_CHECKING:
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 _FACTS = ("step", "reference_step", "reference_scheme", "samples")
 
 
-class Whole(NamedTuple):
+class SweptCase(NamedTuple):
     """A case that is swept."""
 
     name: str
@@ -35,8 +35,8 @@ class Whole(NamedTuple):
     curves: list[Curve]
 
 
-def wholes(read: Sequence[Stored]) -> list[Whole]:
-    """The cases that are swept, in the order of the file; none if no parameter is."""
+def wholes(read: Sequence[Stored]) -> list[SweptCase]:
+    """Cases that are swept, in the order of the file; none if no parameter is."""
     swept = [one for one in read if one.about.swept]
     return [
         _whole([one for one in swept if one.about.owner == owner])
@@ -44,15 +44,15 @@ def wholes(read: Sequence[Stored]) -> list[Whole]:
     ]
 
 
-def _whole(read: list[Stored]) -> Whole:
+def _whole(read: list[Stored]) -> SweptCase:
     swept: Any = read[0].about.swept
     quantities = [one for case in by_case(read) for one in claims.quantities(case)]
     shown = [curve for curve in curves(quantities, swept.of or read[0].headline) if curve.is_known]
-    return Whole(swept.owner, swept.title, read, shown)
+    return SweptCase(swept.owner, swept.title, read, shown)
 
 
-def readings(results: Results) -> list[Stored]:
-    """The groups as the records of the kind, see ``kinds/*/results.py``.
+def readings(results: StoredResults) -> list[Stored]:
+    """Groups as the records of the kind, see ``kinds/*/results.py``.
 
     StorageError where they are of an unknown kind, or a group lacks what its kind needs, as those may be that another
     version of spi wrote.
@@ -72,14 +72,14 @@ def _reading(kind: str, group: Group) -> Stored:
         raise StorageError(f"{whose}; run the experiment again with --fresh") from error
 
 
-def title(results: Results, read: Sequence[Stored]) -> str:
-    """The title of results in tables, figures and reports."""
+def title(results: StoredResults, read: Sequence[Stored]) -> str:
+    """Title of results in tables, figures and reports."""
     stated = results.attributes.get("title", "")
     return read[0].titled(stated, read) if read else stated
 
 
 def facts(read: Sequence[Stored]) -> list[str]:
-    """The parameters that readings have in common, in mathtext."""
+    """Parameters that readings have in common, in mathtext."""
     from ..drawing import style
 
     own = [{name: getattr(one, name, None) for name in _FACTS} for one in read]
@@ -87,12 +87,12 @@ def facts(read: Sequence[Stored]) -> list[str]:
     return shared
 
 
-def verdicts(results: Results) -> list[claims.Verdict]:
-    """The verdicts on the claims stored with results, case by case; StorageError if they cannot be read."""
+def verdicts(results: StoredResults) -> list[claims.Verdict]:
+    """Verdicts on the claims stored with results, case by case; StorageError if they cannot be read."""
     return [] if results.attributes.get("expect") is None else _judged(results, readings(results))
 
 
-def _judged(results: Results, read: list[Stored]) -> list[claims.Verdict]:
+def _judged(results: StoredResults, read: list[Stored]) -> list[claims.Verdict]:
     """The same from readings that have been made already."""
     try:
         stated = claims.of_text(results.attributes.get("expect"))
@@ -103,7 +103,7 @@ def _judged(results: Results, read: list[Stored]) -> list[claims.Verdict]:
     return claims.judge(stated, [one for case in by_case(read) for one in claims.quantities(case)])
 
 
-def rows(results: Results) -> list[dict[str, Any]]:
+def rows(results: StoredResults) -> list[dict[str, Any]]:
     """One flat record per case, scheme and point of the first axis (of errors step sizes, else times).
 
     Where claims are stored, a record has their verdicts in columns such as ``claim[order]``.
@@ -116,7 +116,7 @@ def rows(results: Results) -> list[dict[str, Any]]:
 
 
 def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
-    """The titles of the cases, with their names where several have one title."""
+    """Titles of the cases, with their names where several have one title."""
     abouts = [case[0].about for case in cases]
     counts = Counter(about.case_title for about in abouts)
     return [
@@ -124,12 +124,12 @@ def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
     ]
 
 
-def print_tables(results: Results, file: IO[str] | None = None) -> None:
+def print_tables(results: StoredResults, file: IO[str] | None = None) -> None:
     """:func:`show` to ``file`` (standard output if None), in colour if that is a terminal."""
     show(results, new_console(file))
 
 
-def show(results: Results, console: Any) -> None:
+def show(results: StoredResults, console: Any) -> None:
     """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts."""
     cases = list(by_cases(results))  # before anything is printed: they may not be readable
     if title := results.attributes.get("title"):
@@ -139,8 +139,8 @@ def show(results: Results, console: Any) -> None:
         tables.show(console, judged)
 
 
-def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.Verdict]]]:
-    """The tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
+def by_cases(results: StoredResults) -> Iterator[tuple[list[TextTable | StyledText], list[claims.Verdict]]]:
+    """Tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
     read, title = readings(results), results.attributes.get("title")
     judged, swept = _judged(results, read), wholes(read)
     for whole in swept:
@@ -153,14 +153,14 @@ def by_cases(results: Results) -> Iterator[tuple[list[Grid | Cell], list[claims.
 
 
 def figure(
-    results: Results,
+    results: StoredResults,
     style: str = "screen",
     width: str | float | None = None,
     height: str | float | None = None,
     font: str | None = None,
     font_size: float | None = None,
 ) -> "Figure":
-    """The matplotlib figure of results.
+    """Matplotlib figure of results.
 
     It is as wide and high as its panels want to be, or as ``width`` and ``height`` say, in inches or as in "130mm";
     ``width`` may be "one" (3.35 inches) or "two" (7 inches) columns of a paper.  Its text has ``font_size`` points (by
@@ -189,7 +189,7 @@ def figure(
         return drawn
 
 
-def _swept_figure(kind: str, title: str, cases: Sequence[Whole], spec: str) -> "Figure":
+def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "Figure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing.sweeps import draw, draw_maps
 
@@ -203,7 +203,7 @@ def _swept_figure(kind: str, title: str, cases: Sequence[Whole], spec: str) -> "
 
 
 def _formulas(spec: str, key: str) -> dict[str, str]:
-    """The formulas of a key of a spec by their names, with the swept parameters in them; none if that cannot be read.
+    """Formulas of a key of a spec by their names, with the swept parameters in them; none if that cannot be read.
 
     Without those of which a case has its own.
     """
@@ -217,8 +217,8 @@ def _formulas(spec: str, key: str) -> dict[str, str]:
     return {str(name): str(text) for name, text in named if isinstance(text, str | int | float) and name not in own}
 
 
-def film(results: Results) -> "Film":
-    """The film of results; ValueError if there is none for their kind, or nothing that moves."""
+def film(results: StoredResults) -> "Film":
+    """Film of results; ValueError if there is none for their kind, or nothing that moves."""
     from ..drawing import page
 
     kind: Any = results.attributes.get("kind")

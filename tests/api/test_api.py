@@ -196,7 +196,7 @@ def test_an_interrupted_run_goes_on(monkeypatch, capsys):
             raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr(progress.Line, "_report", interrupt)
+        patched.setattr(progress.ProgressDisplay, "_report", interrupt)
         with pytest.raises(KeyboardInterrupt, match=r"saved in results.*run the same call again"):
             spi.run("rigid_body_strong", **TINY, progress=True)
         with pytest.raises(KeyboardInterrupt, match="nothing is saved"):

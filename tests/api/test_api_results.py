@@ -14,7 +14,7 @@ from weak_results import at_eps, weak, weak_group
 
 import spi
 from spi import storage
-from spi.api.progress import Line
+from spi.api.progress import ProgressDisplay
 from spi.drawing import Figure
 from spi.kinds import KINDS
 from spi.running.compiling import Compiling, Job
@@ -194,7 +194,7 @@ def test_a_notebook_shows_a_line(monkeypatch, capsys, wanted, shown):
         get_ipython, display = staticmethod(ZMQInteractiveShell), Display
 
     monkeypatch.setitem(sys.modules, "IPython", Notebook)
-    with Line("mine", wanted) as line:
+    with ProgressDisplay("mine", wanted) as line:
         for done in (1, 2, 3):
             line.share("paths", done, 4)
         line.watch.tell("news")
@@ -207,7 +207,7 @@ def test_a_notebook_shows_a_line(monkeypatch, capsys, wanted, shown):
 
 
 def test_without_a_notebook_there_is_no_line(capsys):
-    with Line("mine", None) as line:
+    with ProgressDisplay("mine", None) as line:
         line.share("paths", 1, 4)
     assert capsys.readouterr() == ("", "")
 
@@ -217,7 +217,7 @@ def test_results_of_every_kind_are_written_as_netcdf(kind, tmp_path):
     """netCDF has no booleans; xarray reads arrays of them back, and attributes as 1 and 0."""
     group = filled(kind)
     group.attributes.update({"truncate_noise": True, "flags": (True, False), "nothing": None})
-    results = spi.Results(records.Results({"kind": kind, "title": "A title", "complete": True}, (group,)))
+    results = spi.Results(records.StoredResults({"kind": kind, "title": "A title", "complete": True}, (group,)))
     results.dataset.to_netcdf(tmp_path / "one.nc", engine="h5netcdf")
     with xarray.open_dataset(tmp_path / "one.nc", engine="h5netcdf") as again:
         assert again.attrs["truncate_noise"] == 1 and again.attrs["flags"].tolist() == [1, 0]

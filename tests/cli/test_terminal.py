@@ -14,7 +14,7 @@ from spi.cli import showing, terminal
 from spi.kinds import KINDS
 from spi.printing import text
 from spi.running import shipped
-from spi.storage import Results
+from spi.storage import StoredResults
 
 #: A number as it stands in a table, with what may stand in its cell.
 E_NOTATION = re.compile(r"\d[\d.]*e[+-]?\d+")
@@ -34,7 +34,7 @@ def numbers(output):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_tables_fit_80_columns_and_have_all_their_numbers(kind):
-    results = Results({"kind": kind, "title": "The title"}, (filled(kind), filled(kind, "midpoint")))
+    results = StoredResults({"kind": kind, "title": "The title"}, (filled(kind), filled(kind, "midpoint")))
     narrow, wide = (on_terminal(lambda console: views.show(results, console), width) for width in (80, 400))
     assert max(map(len, narrow.splitlines())) <= 80
     # All numbers, and those of the lines twice where a table is folded.
@@ -45,10 +45,10 @@ def test_tables_fit_80_columns_and_have_all_their_numbers(kind):
 def test_a_wide_table_is_folded_and_says_in_each_part_what_a_line_is_of():
     rows = [[text_ for text_ in ("", f"2^-{n}", *(f"{n}.2345 ± 0.0007" for _ in range(8)))] for n in range(1, 4)]
     rows[0][0] = "splitting"
-    from spi.printing.tables import Cell, Grid, show_items
+    from spi.printing.tables import StyledText, TextTable, show_items
 
     headings = ["scheme", "h", *(f"number {i}" for i in range(8))]
-    grid = Grid("title", headings, [[list(map(Cell, row)) for row in rows]], 2, 2)
+    grid = TextTable("title", headings, [[list(map(StyledText, row)) for row in rows]], 2, 2)
     output = on_terminal(lambda console: show_items(console, [grid]))
     assert max(map(len, output.splitlines())) <= 80 and output.count("1.2345 ± 0.0007") == 8
     assert output.count("title") == 1 and output.count("2^-3") == output.count("splitting") > 1

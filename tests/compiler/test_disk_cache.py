@@ -71,7 +71,7 @@ def run(folder, program):
 EDITS = {
     False: (  # a label, a docstring, an estimator, a definition in YAML
         ("schemes/table.py", 'label="splitting"', 'label="Lie-Trotter"'),
-        ("kinds/strong/results.py", '"""The record of strong errors."""', '"""Strong errors, stored."""'),
+        ("kinds/strong/results.py", '"""Record of strong errors."""', '"""Strong errors, stored."""'),
         ("statistics/rounding.py", "\nMULTIPLE = 8.0", "\nMULTIPLE = 9.0"),
         ("plugins/systems/definition.py", '"""', '"""Edited: '),
     ),

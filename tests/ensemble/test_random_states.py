@@ -8,7 +8,7 @@ from helpers import INITIAL, RIGID_BODY
 from scipy import stats
 
 from spi.ensemble.increments import brownian
-from spi.ensemble.random_states import Gaussian, Listed, RandomState, first_states
+from spi.ensemble.random_states import DrawnFromList, Gaussian, RandomState, first_states
 from spi.exact.surfaces import spheres
 from spi.numerics.rng import LANES
 
@@ -42,7 +42,7 @@ def test_gaussian():
 
 def test_points_with_their_weights():
     share = np.array([0.5, 0.0, 0.2, 0.3])
-    law = Listed(np.arange(12.0).reshape(4, 3), -np.log1p(-np.minimum(np.cumsum(share)[:-1], 1)))
+    law = DrawnFromList(np.arange(12.0).reshape(4, 3), -np.log1p(-np.minimum(np.cumsum(share)[:-1], 1)))
     y = drawn(law)
     number = (y[0] / 3).astype(int)
     assert np.array_equal(y.T, law.points[number])

@@ -13,7 +13,7 @@ from spi.ensemble.loop import grid, integrated, paths_of
 from spi.ensemble.protocol import dimension, in_kernels, noises
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, advance, advance_large, report_row, work_size
 from spi.models.delegation import thermal
-from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.fluids.models import ModeNoise, Zeitlin
 from spi.plugins.spins.models import Spins, Terms, Transport
 from spi.schemes import SCHEMES, of_model
 from spi.schemes.midpoint import IsospectralMidpoint, Midpoint
@@ -59,7 +59,7 @@ def test_failures_are_those_of_the_lanes_asked_for():
 
 SPINS = Spins("ring", (4,), (Terms(exchange=(1.0, 0.8, 0.5)),), noise=Transport(0.9))
 WARM = thermal(SPINS._replace(noise=None, alpha=0.5, by="sites"), 0.7)
-FLUID = Zeitlin(3, (Noise(1.5, modes=((0, 1), (1, 0))),))
+FLUID = Zeitlin(3, (ModeNoise(1.5, modes=((0, 1), (1, 0))),))
 BODY = thermal(RIGID_BODY, 0.02)
 STARTS = {Spins: (0.6, 0.0, 0.8, 0.0, 1.0, 0.0, -0.6, 0.8, 0.0, 0.0, 0.0, 1.0), Zeitlin: (0.3, -0.4, 0.5, 0.2) * 2}
 

@@ -9,7 +9,7 @@ from states import check_going_on, chunks_of, finished, same_numbers
 
 import spi
 from spi.numerics.rng import LANES
-from spi.running.load import Source, plans_of
+from spi.running.load import SpecSource, plans_of
 from spi.running.run import load
 
 BODY = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
@@ -37,7 +37,7 @@ def plan_of(tmp_path):
     def plan_of(kind, *overrides, text=""):
         path = tmp_path / "s.yaml"
         path.write_text(f"kind: {kind}\n{HEAD}{KINDS[kind]}\n{text}", encoding="utf-8")
-        return plans_of(Source.of(load(path, overrides=overrides)))[0]
+        return plans_of(SpecSource.of(load(path, overrides=overrides)))[0]
 
     return plan_of
 

@@ -15,12 +15,12 @@ from helpers import printed
 from spi import views
 from spi.kinds import KINDS
 from spi.printing import as_csv, as_json
-from spi.storage import Results
+from spi.storage import StoredResults
 
 
 def results_of(kind, **others):
     groups = filled(kind, **others), filled(kind, "midpoint", **others)
-    return Results({"kind": kind, "title": "The title"}, groups)
+    return StoredResults({"kind": kind, "title": "The title"}, groups)
 
 
 @contextmanager
@@ -109,7 +109,7 @@ def test_what_is_lost_is_shown_all_the_same(kind):
 @pytest.mark.parametrize("kind", KINDS)
 def test_what_cannot_be_drawn_is_said(kind):
     with pytest.raises(ValueError, match="no scheme"):
-        views.figure(Results({"kind": kind, "title": ""}, ()))
+        views.figure(StoredResults({"kind": kind, "title": ""}, ()))
     if panels_of(kind):
         with pytest.raises(ValueError, match=r"'nothing' is not a known panel; known|no panel that could be drawn"):
             views.figure(results_of(kind, panels=("nothing",)))

@@ -180,9 +180,9 @@ def test_steps_are_consistent_with_the_friction(name):
 
 def test_slopes_of_arrays_are_those_of_h_along_the_noises():
     """(X_k H)(y) of quadratic and linear noises, against differences of H along their fields."""
-    from spi.plugins.fluids.models import Noise, Zeitlin
+    from spi.plugins.fluids.models import ModeNoise, Zeitlin
 
-    model = thermal(Zeitlin(5, (Noise(0.7, shell=1, hamiltonian="linear"), Noise(0.5, shell=2))), TEMPERATURE)
+    model = thermal(Zeitlin(5, (ModeNoise(0.7, shell=1, hamiltonian="linear"), ModeNoise(0.5, shell=2))), TEMPERATURE)
     with uncompiled():
         kernel = in_kernels(model)
         d, m = dimension(kernel), noises(kernel)

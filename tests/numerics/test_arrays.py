@@ -12,12 +12,12 @@ from spi.numerics.arrays import of_array, whole_power
 X = np.random.default_rng(1).normal(size=300)
 NEAR_ZERO = 1e-9 * X[:50]
 FUNCTIONS = {
-    "sin": (arrays.Sine(), [10 * X, NEAR_ZERO]),
-    "cos": (arrays.Cosine(), [10 * X, 0.5 * np.pi + NEAR_ZERO]),
-    "tan": (arrays.Tangent(), [3 * X, NEAR_ZERO]),
-    "tanh": (arrays.HyperbolicTangent(), [3 * X, NEAR_ZERO]),
-    "exp": (arrays.Exponential(), [30 * X]),
-    "log": (arrays.Logarithm(), [np.exp(X)]),
+    "sin": (arrays.Sin(), [10 * X, NEAR_ZERO]),
+    "cos": (arrays.Cos(), [10 * X, 0.5 * np.pi + NEAR_ZERO]),
+    "tan": (arrays.Tan(), [3 * X, NEAR_ZERO]),
+    "tanh": (arrays.Tanh(), [3 * X, NEAR_ZERO]),
+    "exp": (arrays.Exp(), [30 * X]),
+    "log": (arrays.Log(), [np.exp(X)]),
 }
 
 
@@ -34,7 +34,7 @@ def test_values(function, places):
 
 def test_arrays_of_any_shape():
     y = np.asfortranarray(X.reshape(3, 100))[:, ::2]
-    np.testing.assert_allclose(of_array(arrays.Sine(), y), np.sin(y), rtol=1e-15)
+    np.testing.assert_allclose(of_array(arrays.Sin(), y), np.sin(y), rtol=1e-15)
 
 
 @pytest.mark.parametrize("n", range(1, 16))

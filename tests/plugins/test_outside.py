@@ -53,6 +53,11 @@ def test_the_page_shows_the_example():
     assert SOURCE.read_text(encoding="utf-8").split('"""\n', 1)[1].strip() in PAGE.read_text(encoding="utf-8")
 
 
+@pytest.mark.parametrize("field", [field for field in plugins.Plugin._fields if field != "name"])
+def test_the_page_names_each_field(field):
+    assert re.search(rf"^\|[^|]*`{field}`", PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+
+
 def test_its_model_its_kind_and_its_function_are_those_of_the_program(elsewhere):
     """Uncompiled, since nothing else needs these kernels."""
     install(elsewhere)

@@ -5,13 +5,13 @@ import json
 import os
 import re
 import runpy
-import shutil
 import subprocess
 import sys
 
 import left_out
 import pytest
 from test_floors import PACKAGE, imports
+from without_plugins import copied
 
 from spi import plugins
 
@@ -112,11 +112,7 @@ def test_all_that_is_offered_is_there(field):
 
 def copy_without(names, tmp_path):
     """A copy of the package without some plug-ins, and the environment of programs that use it."""
-    ignored = shutil.ignore_patterns("__pycache__")
-    shutil.copytree(PACKAGE, tmp_path / "spi", ignore=ignored)
-    shutil.copytree(PACKAGE.parent / "experiments", tmp_path / "experiments", ignore=ignored)
-    for name in names:
-        shutil.rmtree(tmp_path / "spi" / "plugins" / name)
+    copied(("spi", "experiments"), names, tmp_path)
     return os.environ | {"PYTHONPATH": str(tmp_path)}
 
 

@@ -10,7 +10,7 @@ from helpers import loop_in_python
 
 import spi
 from spi.running.run import load, plans
-from spi.running.tracing import Paths, flows_of_step, trace
+from spi.running.tracing import TracedPaths, flows_of_step, trace
 from spi.specs import SpecError
 
 pytestmark = pytest.mark.needs("systems")
@@ -32,7 +32,7 @@ seed: {SEED}
 
 
 def paths_of(text, *overrides):
-    return [paths for plan in plans(load("own.yaml", text=text, overrides=overrides)) for paths in Paths.of(plan)]
+    return [paths for plan in plans(load("own.yaml", text=text, overrides=overrides)) for paths in TracedPaths.of(plan)]
 
 
 def found(text, path=None, *overrides):

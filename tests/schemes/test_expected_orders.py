@@ -16,15 +16,15 @@ from spi.ensemble.loop import grid, integrated
 from spi.ensemble.protocol import dimension, in_kernels, noises
 from spi.ensemble.scheme_protocol import advance_large, memory_size, of_arrays, report_row, substeps, work_size
 from spi.models.delegation import thermal
-from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.fluids.models import ModeNoise, Zeitlin
 from spi.plugins.spins.models import Spins, Terms, Transport
 from spi.schemes import SCHEMES as ALL_SCHEMES
 from spi.schemes import of_model, strong_order, weak_order
 
 CHAIN = {"lattice": "chain", "size": (2,), "bonds": (Terms(1.0),), "field": (0.3, -0.2, 0.5)}
 SPINS = (0.6, 0.0, 0.8, 0.0, 1.0, 0.0)
-ONE = Zeitlin(3, (Noise(1.0, modes=((1, 0),), hamiltonian="linear"),))
-LINES = Zeitlin(3, (Noise(1.0, modes=((1, 0), (0, 1))),))
+ONE = Zeitlin(3, (ModeNoise(1.0, modes=((1, 0),), hamiltonian="linear"),))
+LINES = Zeitlin(3, (ModeNoise(1.0, modes=((1, 0), (0, 1))),))
 VORTICITY = (0.5, 0.3, -0.4, 0.2, 0.6, -0.3, 0.1, 0.7)
 
 
@@ -65,8 +65,8 @@ def test_what_is_stated_of_arrays():
     assert [expected(name, Spins(**CHAIN))[0] for name in ("splitting", "midpoint")] == [1.0, 2.0]
     assert expected("splitting_metropolis", thermal(Spins(**CHAIN, alpha=0.5), 1.0)) == (0.5, 1.0)
     assert [expected("splitting", model, VORTICITY)[0] for model in (ONE, LINES)] == [1.0, 0.5]
-    assert expected("splitting", Zeitlin(9, (Noise(1.0, modes=((3, 0), (0, 3))),)), (1.0,) * 80)[0] == 1.0
-    assert expected("splitting", Zeitlin(9, (Noise(1.0, modes=((3, 0), (0, 1))),)), (1.0,) * 80)[0] == 0.5
+    assert expected("splitting", Zeitlin(9, (ModeNoise(1.0, modes=((3, 0), (0, 3))),)), (1.0,) * 80)[0] == 1.0
+    assert expected("splitting", Zeitlin(9, (ModeNoise(1.0, modes=((3, 0), (0, 1))),)), (1.0,) * 80)[0] == 0.5
 
 
 @pytest.mark.parametrize(("model", "scale"), [(ONE, 4.0), (LINES, 2.0)], ids=["one line", "two lines"])

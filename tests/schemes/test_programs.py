@@ -14,7 +14,7 @@ from spi.ensemble.protocol import in_kernels
 from spi.ensemble.scheme_protocol import DRIFT, FRICTION, NOISE
 from spi.models import RigidBody
 from spi.models.delegation import thermal
-from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.fluids.models import ModeNoise, Zeitlin
 from spi.plugins.spins.models import Spins, Terms, Transport
 from spi.schemes import SCHEMES, of_model
 from spi.schemes.program import program_of
@@ -73,7 +73,7 @@ class _Thermal(RigidBody):
 _Thermal = _Thermal(*MODEL)
 
 SPINS = Spins("ring", (4,), (Terms(exchange=1.0),), noise=Transport(0.3))
-FLUID = Zeitlin(3, (Noise(0.5, modes=((0, 1),)),))
+FLUID = Zeitlin(3, (ModeNoise(0.5, modes=((0, 1),)),))
 
 
 NAMES = "splitting", "splitting_drift_first", "splitting_order2", "splitting_symmetric"

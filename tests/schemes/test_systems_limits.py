@@ -79,10 +79,14 @@ ORDERS = [
 ]
 
 
+class _Case(SimpleNamespace):
+    model_fields = ("samples", "reference_step", "reference_scheme")
+
+
 def strong_case(name, sigma, scheme, final_time):
     """The paper's experiment; strengths 0 rather than None, so that one compiled kernel serves all sigma."""
     exponent = 16 if name == "maxwell_bloch" else 15
-    return SimpleNamespace(
+    return _Case(
         name=name,
         title=name,
         model_name=name,

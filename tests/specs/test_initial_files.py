@@ -8,7 +8,7 @@ import pytest
 from spi.api.specs import experiment_of
 from spi.cli import starting
 from spi.plugins.fluids.models import fields
-from spi.running.load import Source, plans_of
+from spi.running.load import SpecSource, plans_of
 from spi.running.run import identity
 
 N = 101
@@ -69,7 +69,7 @@ def test_arrays_from_python(tmp_path, monkeypatch):
     again = experiment_of(data | {"initial": [0.0] * len(y)}, "a", "laptop", {"initial": fields.vorticity(y, 128)})
     assert first.cases[0].initial == tuple(y) and "initial_" in first.text
     np.testing.assert_allclose(again.cases[0].initial, y, atol=1e-12)
-    assert tuple(plans_of(Source.of(again))[0].initial) == again.cases[0].initial
+    assert tuple(plans_of(SpecSource.of(again))[0].initial) == again.cases[0].initial
     cases = {"cases": [{"name": "one", "initial": y}, {"name": "two", "initial": 2 * y}]}
     assert experiment_of(data | cases, "a", "laptop", {}).cases[1].initial == tuple(2 * y)
     short = experiment_of(data | {"model": {"name": "sine_euler"}, "initial": y[:8]}, "a", "laptop", {})

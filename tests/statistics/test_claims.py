@@ -35,7 +35,7 @@ from spi.statistics.claims import (
     Verdict,
     judge,
 )
-from spi.storage import Order, Results
+from spi.storage import Order, StoredResults
 from spi.storage.stored import Description, by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
@@ -243,10 +243,10 @@ WHOLE = {
         *(at_eps("ap_splitting", eps) for eps in (0.1, 0.01)),
     ),
     **{
-        kind: Results({"kind": kind, "title": kind}, (filled(kind), filled(kind, "midpoint")))
+        kind: StoredResults({"kind": kind, "title": kind}, (filled(kind), filled(kind, "midpoint")))
         for kind in ("work_precision", "stability")
     },
-    "answer": Results({"kind": "answer", "title": "Answer"}, (filled("answer"),)),
+    "answer": StoredResults({"kind": "answer", "title": "Answer"}, (filled("answer"),)),
 }
 for file in Path(__file__).parents[1].glob("plugins/*/whole_*.py"):  # of kinds of plug-ins
     WHOLE |= importlib.import_module(file.stem).WHOLE

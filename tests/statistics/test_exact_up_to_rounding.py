@@ -31,7 +31,7 @@ from spi.statistics.rounding import (
     size_of_values,
     with_rounding,
 )
-from spi.storage import Part, Results
+from spi.storage import Part, StoredResults
 
 # fixtures
 spec, few_steps = work_study_cases.spec, work_study_cases.few_steps
@@ -93,7 +93,7 @@ def test_no_claim_about_rounding_is_contradicted():
     verdicts = judge(case.claims, quantities([found]))
     (one,) = [one for one in verdicts if one.claim.quantity == "order" and one.found]
     assert (one.verdict, tables.came_out(one)) == (INCONCLUSIVE, found.note)
-    text = printed(Results({"kind": "strong", "title": ""}, (found.group(),)))
+    text = printed(StoredResults({"kind": "strong", "title": ""}, (found.group(),)))
     assert f": {found.note}\n" in text and "not resolved (" not in text and "order not resolved" not in text
     assert "exact up to rounding (" in headline(curves(quantities([found]), ["order"]))
 

@@ -24,13 +24,13 @@ import resource, sys
 from pathlib import Path
 import numpy as np
 from spi import storage
-from spi.storage.records import Group, Results
+from spi.storage.records import Group, StoredResults
 storage.results.LARGE = int(sys.argv[2])
 big = Group("a", "b", {"h": np.arange(10**5)}, {"e": (("h",), np.random.default_rng(1).random(10**5))}, {})
 resource.setrlimit(resource.RLIMIT_FSIZE, (200_000, 200_000))
 try:
     if sys.argv[1] == "results":
-        storage.write("r.h5", Results({}, (big,)))
+        storage.write("r.h5", StoredResults({}, (big,)))
     else:
         storage.Store(Path()).write("r", {"a": {"e": big.arrays["e"]}})
 except storage.StorageError as error:

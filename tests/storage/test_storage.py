@@ -10,7 +10,7 @@ import pytest
 import xarray
 
 from spi import storage
-from spi.storage import Group, Results
+from spi.storage import Group, StoredResults
 
 
 @pytest.fixture(autouse=True, params=["in memory", "on the disk"])
@@ -54,7 +54,7 @@ def group(case="noise σ=1", scheme="midpoint", steps=3, **attributes):
 
 def results(groups=(("noise σ=1", "midpoint"), ("noise σ=1", "a"), ("b", "splitting"))):
     attributes = {"kind": "strong", "spec_hash": "abc", "seed": 2**64 - 1, "complete": False, "spec": "x: σ\n" * 30000}
-    return Results(attributes, tuple(group(case, scheme) for case, scheme in groups))
+    return StoredResults(attributes, tuple(group(case, scheme) for case, scheme in groups))
 
 
 def assert_same(one, other):
@@ -82,7 +82,7 @@ def test_round_trip(tmp_path):
 
 
 def test_round_trip_without_groups_and_with_empty_arrays(tmp_path):
-    for one in (Results({"kind": "strong"}, ()), Results({"kind": "strong"}, (group(steps=0),))):
+    for one in (StoredResults({"kind": "strong"}, ()), StoredResults({"kind": "strong"}, (group(steps=0),))):
         storage.write(tmp_path / "r.h5", one)
         back = storage.read(tmp_path / "r.h5")
         assert back.attributes == one.attributes and len(back.groups) == len(one.groups)
@@ -91,7 +91,7 @@ def test_round_trip_without_groups_and_with_empty_arrays(tmp_path):
 
 
 def test_none_and_nan(tmp_path):
-    one = Results({"kind": "strong", "figure": None}, (group(order=float("nan"), model_sigma=(1.0, None, 0)),))
+    one = StoredResults({"kind": "strong", "figure": None}, (group(order=float("nan"), model_sigma=(1.0, None, 0)),))
     storage.write(tmp_path / "r.h5", one)
     back = storage.read(tmp_path / "r.h5")
     assert "figure" not in back.attributes
@@ -101,7 +101,9 @@ def test_none_and_nan(tmp_path):
 
 @pytest.mark.parametrize("steps", [0, 1, 3])
 def test_xarray_opens_every_group(tmp_path, steps):
-    one = Results({"kind": "strong"}, tuple(group("noise σ=1", scheme, steps) for scheme in ("midpoint", "splitting")))
+    one = StoredResults(
+        {"kind": "strong"}, tuple(group("noise σ=1", scheme, steps) for scheme in ("midpoint", "splitting"))
+    )
     storage.write(tmp_path / "r.h5", one)
     for g in one.groups:
         with warnings.catch_warnings():
@@ -179,19 +181,19 @@ def test_unwritable_folder(tmp_path, monkeypatch):
 
 @pytest.mark.parametrize("name", ["", "a/b", ".hidden"])
 def test_impossible_names(tmp_path, name):
-    assert repr(name) in message(storage.write, tmp_path / "r.h5", Results({}, (group(case=name),)))
+    assert repr(name) in message(storage.write, tmp_path / "r.h5", StoredResults({}, (group(case=name),)))
     assert not list(tmp_path.iterdir())
 
 
 def test_what_cannot_be_stored(tmp_path):
     with pytest.raises(TypeError, match="what"):
-        storage.write(tmp_path / "r.h5", Results({"what": {"a": 1}}, ()))
+        storage.write(tmp_path / "r.h5", StoredResults({"what": {"a": 1}}, ()))
     with pytest.raises(TypeError, match="error: arrays of complex128 cannot be stored"):
         variables = {"error": (("h",), 1j * group().coordinates["h"])}
-        storage.write(tmp_path / "r.h5", Results({}, (group()._replace(variables=variables),)))
+        storage.write(tmp_path / "r.h5", StoredResults({}, (group()._replace(variables=variables),)))
     bad = group()._replace(variables={"error": (("t",), np.zeros(3))})
     with pytest.raises(ValueError, match="error: the axes"):
-        storage.write(tmp_path / "r.h5", Results({}, (bad,)))
+        storage.write(tmp_path / "r.h5", StoredResults({}, (bad,)))
     assert not list(tmp_path.iterdir())
 
 
@@ -234,7 +236,7 @@ def finished_with(path, **attributes):
     identity = {"spec_hash": "abc", "samples": (70, 5), "overrides": (), "spec": "x: σ\n", "source_digest": "now"}
     sums = json.dumps({"a/splitting": ["0f", "1f"], "b/splitting": ["2f"]})
     told = {"kind": "strong", "complete": True, "sums": sums}
-    storage.write(path, Results({**identity, **told, **attributes}, (group(),)))
+    storage.write(path, StoredResults({**identity, **told, **attributes}, (group(),)))
     return identity
 
 
@@ -390,7 +392,7 @@ def test_provenance_is_flat_and_storable(tmp_path):
     facts = storage.provenance()
     assert {"created", "spi_version", "machine_processor", "machine_instruction_set", "machine_numba"} <= set(facts)
     assert facts["created"].endswith("+00:00")
-    storage.write(tmp_path / "r.h5", Results(facts, ()))
+    storage.write(tmp_path / "r.h5", StoredResults(facts, ()))
     assert storage.read(tmp_path / "r.h5").attributes == facts
 
 
@@ -401,7 +403,7 @@ def test_large_arrays_are_not_copied(tmp_path):
     path, store = tmp_path / "large.h5", storage.Store(tmp_path)
     tracemalloc.start()
     try:
-        storage.write(path, Results({}, (large,)))
+        storage.write(path, StoredResults({}, (large,)))
         store.write("s", {"y": values})
         _, written = tracemalloc.get_traced_memory()
         tracemalloc.reset_peak()

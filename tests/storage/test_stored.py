@@ -6,7 +6,7 @@ from made_up import group_of
 
 from spi import storage
 from spi.kinds import KINDS
-from spi.storage import Order, Results
+from spi.storage import Order, StoredResults
 from spi.storage.stored import NUMBERED, Array, Described, Stored, array, axis, fact, layout, nested
 
 
@@ -43,7 +43,7 @@ TABLE = Table(name=("a", "Ĥ"), mean=np.array([1.0, 2.0]), exact=True)
 
 @pytest.mark.parametrize("more", [{}, {"table": TABLE, "missing": np.zeros(2), "count": 5, "text": "σ"}])
 def test_a_file_gives_back_what_was_written(tmp_path, more):
-    storage.write(tmp_path / "r.h5", Results({"kind": "thing"}, (thing(**more),)))
+    storage.write(tmp_path / "r.h5", StoredResults({"kind": "thing"}, (thing(**more),)))
     (group,) = storage.read(tmp_path / "r.h5").groups
     assert repr(Thing.of(group)) == repr(Thing.of(thing(**more)))
     back = Thing.of(group)

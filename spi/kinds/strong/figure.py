@@ -1,4 +1,4 @@
-"""The figure of strong errors: error against step size, with 95 % intervals and reference slopes."""
+"""Figure of strong errors: error against step size, with 95 % intervals and reference slopes."""
 
 from collections.abc import Sequence
 
@@ -11,7 +11,7 @@ LABEL = r"strong error  $\sup_n\,(\mathrm{{E}}|y_h(t_n)-y_{{\mathrm{{ref}}}}(t_n
 
 
 def slopes(readings: Sequence[StrongErrors]) -> Sequence[float]:
-    """The orders 1/2 and 1; with another driver than Brownian motion the least and the largest order expected."""
+    """Orders 1/2 and 1; with another driver than Brownian motion the least and the largest order expected."""
     if not readings[0].about.driver:
         return (1 / 2, 1)
     expected = sorted({one.expected_order for one in readings if one.expected_order is not None})

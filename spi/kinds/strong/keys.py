@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind strong."""
+"""Keys of an experiment of kind strong."""
 
 from typing import ClassVar
 

@@ -1,4 +1,4 @@
-"""The record of strong errors."""
+"""Record of strong errors."""
 
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table

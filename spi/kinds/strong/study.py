@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble.loop import Grid
+from spi.ensemble.loop import TimeGrid
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
@@ -54,17 +54,16 @@ class StrongPlan(BlocksPlan):
     sums = StrongSums
 
     @cached_property
-    def grid(self) -> Grid:
-        """The step sizes of the case and the reference, on the same Brownian paths."""
+    def grid(self) -> TimeGrid:
+        """Step sizes of the case and the reference, on the same Brownian paths."""
         return reference_grid(self.case, self.part, self.case.steps, areas=False)
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         levels, conserved = len(self.steps), len(casimirs(self.model, self.initial))
         return {"point": int(self.steps[:-1].sum()), "level": levels, "casimir": conserved}
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """The contributions of some blocks."""
+        """Contributions of some blocks."""
         observer = path_observer(self.model, self.initial, self.grid, blocks, squares=True)
         states, report = self.integrated(first, blocks, end, observer)
         idle = np.arange(first * LANES, (first + blocks) * LANES).reshape(-1, 1, 1, LANES) >= end
@@ -85,7 +84,7 @@ class StrongPlan(BlocksPlan):
         return Done(tally.paths, self.samples, float(jackknife_stderr(value, without, counts)))
 
     def estimates(self, sums: StrongSums) -> dict[str, Any]:
-        """The errors, their order, and the extremes along the paths.
+        """Errors, their order, and the extremes along the paths.
 
         Standard errors are those at the time where the supremum over all paths is reached.
         """

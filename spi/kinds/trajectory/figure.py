@@ -1,4 +1,4 @@
-"""The figure of trajectories: quantities over time, the phase plane, the sphere, sections."""
+"""Figure of trajectories: quantities over time, the phase plane, the sphere, sections."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from spi.specs.panels import Panels
 from .film import film as film
 from .results import Trajectory
 
-Readings = Sequence[Trajectory]
+TrajectoryReadings = Sequence[Trajectory]
 
 OUTSIDE, ZERO = "#f6e6e1", "#555555"  #: negative populations, and the line where they begin
 
@@ -52,8 +52,8 @@ def window(curves: Sequence[tuple[Trajectory, np.ndarray]], errors: bool = False
     return float(low - spare), float(high + spare)
 
 
-def times_shown(readings: Readings) -> tuple[float, float]:
-    """The limits of the axis of time."""
+def times_shown(readings: TrajectoryReadings) -> tuple[float, float]:
+    """Limits of the axis of time."""
     t = readings[0].t
     return float(t[0]), float(t[-1] if len(t) > 1 else t[0] + 1)
 
@@ -61,7 +61,7 @@ def times_shown(readings: Readings) -> tuple[float, float]:
 def _over_time(field: str, label: str, facet: str = "", errors: bool = False, further: Any = None) -> panels.CurvePanel:
     """A quantity of each path over time; `further` changes its panels."""
 
-    def framed(plot: plots.Plot, readings: Readings, place: int) -> plots.Plot:
+    def framed(plot: plots.Plot, readings: TrajectoryReadings, place: int) -> plots.Plot:
         curves = [(one, line.y) for one, line in zip(readings, plot.series, strict=True)]
         plot = plot._replace(xlim=times_shown(readings), ylim=window(curves, errors))
         return further(plot, readings, place) if further else plot
@@ -69,16 +69,16 @@ def _over_time(field: str, label: str, facet: str = "", errors: bool = False, fu
     return panels.CurvePanel(field, "t", facet, label=label, then=framed)
 
 
-def _but_for_damping(plot: plots.Plot, readings: Readings, place: int) -> plots.Plot:
+def _but_for_damping(plot: plots.Plot, readings: TrajectoryReadings, place: int) -> plots.Plot:
     return plot._replace(y=rf"$e^{{k\gamma t}}${plot.y}") if "damping" in readings[0].about.parameters else plot
 
 
-def _populated(plot: plots.Plot, readings: Readings, place: int) -> plots.Plot:
+def _populated(plot: plots.Plot, readings: TrajectoryReadings, place: int) -> plots.Plot:
     negative = _lowest(readings, place) < 0
     return plot._replace(own=(lambda ax: _below_zero(ax, "y", True)) if negative else None)
 
 
-def _components(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _components(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
     """All components over time, a panel for each scheme."""
     names, pairs = _names(readings), style.modes_of(readings[0].about)
     frame = window([(one, one.y) for one in readings])
@@ -92,7 +92,7 @@ def _components(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
         yield plots.Plot(lines, style.label(one.about), style.AXES["t"], "components", **axes)
 
 
-def _names(readings: Readings) -> list[str]:
+def _names(readings: TrajectoryReadings) -> list[str]:
     return style.component_names(readings[0].about, readings[0].y.shape[1])
 
 
@@ -101,11 +101,11 @@ def _names(readings: Readings) -> list[str]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _lowest(readings: Readings, component: int) -> float:
+def _lowest(readings: TrajectoryReadings, component: int) -> float:
     return min(one.lowest[component] for one in readings)
 
 
-def _below_zero(ax: plots.Axes, across: Sequence[str], shaded: bool) -> list[plots.Entry]:
+def _below_zero(ax: plots.Axes, across: Sequence[str], shaded: bool) -> list[plots.LegendEntry]:
     """Mark where a component is below zero: shaded, or by a line only; `across` names its axes, "x" or "y"."""
     for axis in across:
         low = (ax.get_xlim() if axis == "x" else ax.get_ylim())[0]
@@ -115,8 +115,8 @@ def _below_zero(ax: plots.Axes, across: Sequence[str], shaded: bool) -> list[plo
     return [(Patch(color=OUTSIDE), "negative population")] if shaded and across else []
 
 
-def _phase(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The plane of the first two components, all schemes."""
+def _phase(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """Plane of the first two components, all schemes."""
     names = _names(readings)
     if len(names) < 2:
         raise ValueError("the panel 'phase' needs two components")
@@ -128,7 +128,7 @@ def _phase(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
         for one in readings
     ]
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         ax.plot(*readings[0].y[0, :2], zorder=5, **START)
         return [(plots.Line2D([], [], **START), "start"), *_below_zero(ax, below, shaded)]
 
@@ -140,7 +140,7 @@ def _phase(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _sphere(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _sphere(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
     """The first path whose scheme preserves the sphere, or the first of all."""
     one = next((one for one in readings if one.preserves_casimirs), readings[0])
     if one.y.shape[1] != 3:
@@ -151,10 +151,10 @@ def _sphere(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
     )
 
 
-def _on_sphere(y: np.ndarray, names: Sequence[str], colour: str) -> Callable[[Any], list[plots.Entry]]:
+def _on_sphere(y: np.ndarray, names: Sequence[str], colour: str) -> Callable[[Any], list[plots.LegendEntry]]:
     """A function that draws the path ``y``, (n, 3), on 3-D axes."""
 
-    def own(ax: Any) -> list[plots.Entry]:
+    def own(ax: Any) -> list[plots.LegendEntry]:
         radius = float(np.linalg.norm(y[0])) or 1.0
         near = (np.abs(y) < 1.5 * radius).all(axis=1)  # false also where a path is not finite
         azimuth = _azimuth(y[0], y[near])
@@ -193,13 +193,13 @@ def _on_sphere(y: np.ndarray, names: Sequence[str], colour: str) -> Callable[[An
 
 
 def _eye(azimuth: float) -> np.ndarray:
-    """The direction of the eye."""
+    """Direction of the eye."""
     a, e = np.radians([azimuth, ELEVATION])
     return np.array([np.cos(e) * np.cos(a), np.cos(e) * np.sin(a), np.sin(e)])
 
 
 def _azimuth(start: np.ndarray, y: np.ndarray) -> int:
-    """The azimuth of the eye: the start and most of the path are in front, no axis is seen end on."""
+    """Azimuth of the eye: the start and most of the path are in front, no axis is seen end on."""
     return max(
         (a for a in range(0, 360, 5) if 25 <= a % 90 <= 65),
         key=lambda a: (start @ _eye(a) > 0.3 * np.linalg.norm(start), (y @ _eye(a) > 0).sum()),
@@ -222,10 +222,10 @@ def _two_sided(ax: Any, points: np.ndarray, eye: np.ndarray, colour: str, width:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _section(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _section(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
     """The first two quantities that are stored at crossings, or the only one against the time."""
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         entries = []
         for one, section in ((one, one.section) for one in readings if one.section):
             x, y = section.value[:2] if len(section.stored) > 1 else (section.t, section.value[0])
@@ -244,14 +244,14 @@ def _section(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
 
 PANELS: dict[str, Any] = {
     "functions": [panels.CurvePanel("value", "t", "function", label="${f}$")],
-    "section": [panels.Own(_section)],
+    "section": [panels.OwnPanels(_section)],
     "casimirs": [_over_time("casimirs", "{name}$(y)$", "casimir")],
     "casimir_errors": [_over_time("changes", "{name}$(y)-${name}$(y_0)$", "casimir", True, _but_for_damping)],
     "hamiltonian": [_over_time("hamiltonian", "$H(y)$")],
-    "components": [panels.Own(_components)],
+    "components": [panels.OwnPanels(_components)],
     "populations": [_over_time("y", "{name}", "component", further=_populated)],
-    "sphere": [panels.Own(_sphere)],
-    "phase": [panels.Own(_phase)],
+    "sphere": [panels.OwnPanels(_sphere)],
+    "phase": [panels.OwnPanels(_phase)],
 }
 
 draw = panels.Figures(Panels("trajectory", PANELS), ("step", "path"))

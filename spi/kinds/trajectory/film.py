@@ -1,4 +1,4 @@
-"""The film of trajectories: states in the plane, case by case, of what their components belong to."""
+"""Film of trajectories: states in the plane, case by case, of what their components belong to."""
 
 import math
 from collections.abc import Callable, Sequence
@@ -13,7 +13,7 @@ from spi.plugins import Registry
 
 from .results import Trajectory
 
-Readings = Sequence[Trajectory]
+FilmReadings = Sequence[Trajectory]
 
 MOST_FRAMES = 200
 
@@ -24,7 +24,7 @@ Screen = tuple[plots.Axes, Callable[[int], None], Trajectory, list[int]]
 class Filmed(NamedTuple):
     """How states are shown in a film that belong to a torus, a lattice, ..."""
 
-    screens: Callable[[Figure, Readings, np.ndarray], list[Screen]]  #: of a figure, the paths of a case, and axes
+    screens: Callable[[Figure, FilmReadings, np.ndarray], list[Screen]]  #: of a figure, the paths of a case, and axes
     is_seen: Callable[[Trajectory], bool] = lambda one: True
     names: tuple[str, str] = ("", "")  #: of the axes
 
@@ -39,8 +39,8 @@ def _filmed(one: Trajectory) -> Any:
     return FILMED[on] if on in FILMED and FILMED[on].is_seen(one) else None
 
 
-def film(title: str, cases: Sequence[Readings]) -> Film:
-    """The film of the paths of all cases whose states are seen in the plane; ValueError if none is."""
+def film(title: str, cases: Sequence[FilmReadings]) -> Film:
+    """Film of the paths of all cases whose states are seen in the plane; ValueError if none is."""
     rows = [readings for readings in cases if _filmed(readings[0])]
     if not rows:
         raise ValueError("the results hold no states that are seen in two dimensions; leave out --film")
@@ -71,8 +71,8 @@ def film(title: str, cases: Sequence[Readings]) -> Film:
     return Film(fig, frames, partial(_show, screens, frames))
 
 
-def states_shown(readings: Readings) -> list[list[int]]:
-    """The states of each path that the film shows."""
+def states_shown(readings: FilmReadings) -> list[list[int]]:
+    """States of each path that the film shows."""
     return [plots.spread(len(one.t), MOST_FRAMES) for one in readings]
 
 

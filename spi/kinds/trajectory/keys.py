@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind trajectory."""
+"""Keys of an experiment of kind trajectory."""
 
 import math
 from typing import Annotated, ClassVar, Literal, Self
@@ -16,7 +16,7 @@ from spi.specs.checks import check_every, times_on_grid
 from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, quantity, wrong
 from spi.specs.names import CodeKeys
 from spi.specs.panels import check_further, panels_of, words
-from spi.specs.sweep import Swept
+from spi.specs.sweep import SweptKey
 from spi.statistics.claims import claimable
 
 from .results import Trajectory
@@ -27,8 +27,8 @@ PANELS = (
     *("casimirs", "casimir_errors", "hamiltonian", "components", "populations", "sphere", "phase"),
 )
 
-Path = Annotated[int, Ge(0), Le(10**15)]
-Times = tuple[NonNegative, ...]
+PathNumber = Annotated[int, Ge(0), Le(10**15)]
+PathTimes = tuple[NonNegative, ...]
 
 _MOST_NUMBERS = 2 * 10**8  # of the states that are stored: 1.6 GB
 _MOST_TIMES = 8  # at which fields stand side by side
@@ -48,13 +48,15 @@ class Case(CodeKeys, StepCase):
     panels: key_of(
         panels_of("trajectory", PANELS), f"what the figure shows, some of {', '.join(words('trajectory', PANELS))}"
     )
-    path: key_of(Path, "number of the path") = 0
+    path: key_of(PathNumber, "number of the path") = 0
     every: key_of(Annotated[int, Ge(1)], "store the state after every n-th step") = 1
     save: key_of(
-        Times, "times whose states are stored, and that at the start, multiples of step; default: every n-th", "time"
+        PathTimes,
+        "times whose states are stored, and that at the start, multiples of step; default: every n-th",
+        "time",
     ) = ()
     times: key_of(
-        Times, "times at which fields are drawn, some of those stored; default: start, middle, end", "time"
+        PathTimes, "times at which fields are drawn, some of those stored; default: start, middle, end", "time"
     ) = ()
 
     functions: key_of(
@@ -62,7 +64,7 @@ class Case(CodeKeys, StepCase):
     ) = pydantic.Field(default_factory=dict)
     section: key_of(Section | None, "the states at which a function of the state changes its sign") = None
 
-    sweep: key_of(Swept, "not for trajectories, which are one path: list the values as cases") = pydantic.Field(
+    sweep: key_of(SweptKey, "not for trajectories, which are one path: list the values as cases") = pydantic.Field(
         default=None, exclude=True
     )
 
@@ -73,7 +75,7 @@ class Case(CodeKeys, StepCase):
 
     @property
     def spacing(self) -> int:
-        """The steps between states that are recorded: those that are stored, and those that a section looks at."""
+        """Steps between states that are recorded: those that are stored, and those that a section looks at."""
         steps = (round(t / self.step) for t in (self.final_time, *self.save))
         return 1 if self.section else math.gcd(*steps) if self.save else self.every
 
@@ -84,12 +86,12 @@ class Case(CodeKeys, StepCase):
 
     @property
     def recorded(self) -> int:
-        """The number of states recorded after the initial one."""
+        """Number of states recorded after the initial one."""
         return round(self.final_time / self.step) // self.spacing
 
     @property
     def stored(self) -> np.ndarray:
-        """The numbers of the recorded states that are stored, among them the initial one."""
+        """Numbers of the recorded states that are stored, among them the initial one."""
         if not self.save:
             return np.arange(0, self.recorded + 1, self.every // self.spacing)
         return np.unique([0, *(round(t / self.step) // self.spacing for t in self.save)])
@@ -110,7 +112,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_every(self) -> Self:
-        """The case with times of stored states that are exactly multiples of the step."""
+        """Case with times of stored states that are exactly multiples of the step."""
         check_every(self)
         if self.save and self.every != 1:
             raise wrong("is given beside every", "leave out one of them", "save")
@@ -130,7 +132,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_times(self) -> Self:
-        """The case with times that are exactly those of stored states."""
+        """Case with times that are exactly those of stored states."""
         if len(self.times) > _MOST_TIMES:
             raise wrong(f"has {entries_in(len(self.times))}", f"must have at most {_MOST_TIMES}", "times")
         between = self.step if self.save else self.every * self.step
@@ -142,7 +144,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_functions(self) -> Self:
-        """The case with functions in which names of others are written out."""
+        """Case with functions in which names of others are written out."""
         functions = with_others(self, self.functions)
         for name, text in functions.items():
             check_function(self, name, text)

@@ -1,4 +1,4 @@
-"""The records of trajectories, and the times at which a quantity along a path is not defined."""
+"""Records of trajectories, and the times at which a quantity along a path is not defined."""
 
 import json
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ def finite(y: Array) -> Array:
 
 
 class SolverMeans(Described):
-    """The report of an implicit scheme on its equations, over all steps."""
+    """Report of an implicit scheme on its equations, over all steps."""
 
     failures: int = fact("solves that did not converge")
     iterations_mean: float = fact("iterations of a solve")
@@ -39,7 +39,7 @@ class Values(Described):
 
 
 class Crossings(Described):
-    """The states at which a function of the state changes its sign: a Poincaré section."""
+    """States at which a function of the state changes its sign: a Poincaré section."""
 
     of: str = fact("the function that changes its sign")
     t: Array = axis("time of the crossing", "time", name="crossing_t")
@@ -106,7 +106,7 @@ class Trajectory(Stored):
 
     @property
     def shown(self) -> list[int]:
-        """The numbers of the states that are drawn as fields: by default the first, the middle and the last one."""
+        """Numbers of the states that are drawn as fields: by default the first, the middle and the last one."""
         if self.times:
             return np.searchsorted(self.t, [t - self.step / 2 for t in self.times]).tolist()
         return sorted({0, (len(self.t) - 1) // 2, len(self.t) - 1})
@@ -147,7 +147,7 @@ class Trajectory(Stored):
 
     @derived("", "why no claim about the smallest component passes")
     def lost(self) -> str:
-        """The times at which the state is not finite."""
+        """Times at which the state is not finite."""
         return lost_among(np.where(finite(self.y), 0.0, np.nan), "times")
 
     @derived("", "largest change of the Hamiltonian", claim=Claimed("at most", infinite=True))
@@ -174,7 +174,7 @@ class Trajectory(Stored):
 
 
 def lost_times(record: Trajectory, values: Array) -> str:
-    """The times at which `values` (t,) are not defined although y is finite; empty if there are none."""
+    """Times at which `values` (t,) are not defined although y is finite; empty if there are none."""
     alive = finite(record.y)
     lost = np.flatnonzero(alive & ~np.isfinite(values))
     if not len(lost):

@@ -19,7 +19,7 @@ from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_col
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import paths_moved, reported
 from spi.kinds.functions import evaluated, function_of
-from spi.kinds.plans import Cost, Done, KernelCall, PathsPlan, State, each_scheme
+from spi.kinds.plans import Done, KernelCall, PartCost, PathsPlan, State, each_scheme
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
@@ -28,7 +28,7 @@ from spi.statistics.tallies import Chunk, PathSet
 from .results import Crossings, SolverMeans, Trajectory, Values, finite
 
 
-class Path(NamedTuple):
+class OnePath(NamedTuple):
     """One path, or none, or one that has not made all its steps."""
 
     paths: int  #: 0 until all steps are made
@@ -37,7 +37,7 @@ class Path(NamedTuple):
     y: np.ndarray  #: (recorded + 1, d), at first (0, d)
     report: np.ndarray  #: (len(REPORT),)
 
-    def plus(self, later: "Path") -> "Path":
+    def plus(self, later: "OnePath") -> "OnePath":
         """There is only one."""
         raise TypeError("a trajectory has one path")
 
@@ -53,7 +53,7 @@ class TrajectoryPlan(PathsPlan):
 
     @cached_property
     def one_path(self) -> Any:
-        """The mover of one large lattice, None where the path is one of a block."""
+        """Mover of one large lattice, None where the path is one of a block."""
         return one_path(self.case.model, self.scheme, self.case.step) if self.case.in_parts else None
 
     @cached_property
@@ -63,7 +63,7 @@ class TrajectoryPlan(PathsPlan):
 
     @property
     def model(self) -> Any:
-        """The record of the model for kernels, of one large lattice that of a part."""
+        """Record of the model for kernels, of one large lattice that of a part."""
         return self.one_path.model if self.is_long else super().model
 
     @property
@@ -71,12 +71,12 @@ class TrajectoryPlan(PathsPlan):
         """One path."""
         return 1
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of all paths that are computed, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps
         stored = 8 * (self.case.recorded + 1) * (len(self.initial) + 4)
         scratch = alone.bytes_of(self.case) if self.one_path else 0
-        return Cost(steps * self._paths, steps * self._seconds_per_step, scratch + stored, stored)
+        return PartCost(steps * self._paths, steps * self._seconds_per_step, scratch + stored, stored)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`: of what is stored the spacing of the states that are recorded.
@@ -90,30 +90,30 @@ class TrajectoryPlan(PathsPlan):
         return {key: value for key, value in entries.items() if key not in left_out} | spacing
 
     def sizes(self) -> list[int]:
-        """The number of steps."""
+        """Number of steps."""
         return [self.grid.reference_steps]
 
-    def adopted(self, number: int, sums: Any) -> Path | None:
-        """The path; a shorter one can go on if it ends where coins are tossed anew."""
+    def adopted(self, number: int, sums: Any) -> OnePath | None:
+        """Path; a shorter one can go on if it ends where coins are tossed anew."""
         if sums.steps >= self.grid.reference_steps:
             return sums if sums.steps == self.grid.reference_steps else None
         return None if sums.steps % self._unit else sums._replace(paths=0)
 
     @property
     def _unit(self) -> int:
-        """The number of steps after whose multiples a path can go on from its state."""
+        """Number of steps after whose multiples a path can go on from its state."""
         return math.lcm(STEPS_PER_TOSS, self.case.spacing)
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """One path."""
         return (PathSet(1, 1),)
 
-    def empty(self, number: int) -> Path:
+    def empty(self, number: int) -> OnePath:
         """No path."""
-        return Path(paths=0, seconds=0.0, steps=0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
+        return OnePath(paths=0, seconds=0.0, steps=0, y=np.zeros((0, len(self.initial))), report=np.zeros(len(REPORT)))
 
     def _start(self, y: np.ndarray, n: int) -> Any:
-        """The states to go on from after n steps: of a large model the stored state in the lane of the path."""
+        """States to go on from after n steps: of a large model the stored state in the lane of the path."""
         if not large(self.model):
             return self.initial
         states = np.zeros((1, 1, len(self.initial) * LANES))
@@ -121,7 +121,7 @@ class TrajectoryPlan(PathsPlan):
         return states
 
     def _stop(self, n: int) -> int:
-        """The step at which to stop next after step n: the last, but of a large model after about half a second."""
+        """Step at which to stop next after step n: the last, but of a large model after about half a second."""
         last = self.grid.reference_steps
         if not large(self.model):
             return last
@@ -130,7 +130,7 @@ class TrajectoryPlan(PathsPlan):
 
     @property
     def _paths(self) -> int:
-        """The number of paths that make steps: a block, of a large model only those up to the one that is wanted."""
+        """Number of paths that make steps: a block, of a large model only those up to the one that is wanted."""
         return 1 if self.one_path is not None else paths_moved(self.model, self.case.path % LANES + 1)
 
     @property
@@ -140,7 +140,7 @@ class TrajectoryPlan(PathsPlan):
             return 1e-9 * float(self.one_path.ns)
         return self._paths * 1e-9 * typical_ns(self.row, self.model)
 
-    def advance(self, chunks: Sequence[Chunk], started: Path | None) -> Iterator[list[tuple[Chunk, Path]]]:
+    def advance(self, chunks: Sequence[Chunk], started: OnePath | None) -> Iterator[list[tuple[Chunk, OnePath]]]:
         """Run the path, at once or, of a large model, in batches."""
         block, lane = divmod(self.case.path, LANES)
         path = started or self.empty(0)
@@ -160,7 +160,7 @@ class TrajectoryPlan(PathsPlan):
                 recorder = state_recorder(times, to_come, self.case.spacing, lane)
                 start, end = self._start(y, path.steps), self.case.path + 1
                 _, report = integrated(self.scheme, self.model, start, times, self.stream, block, 1, end, recorder)
-            path = Path(
+            path = OnePath(
                 paths=int(stop == self.grid.reference_steps),
                 seconds=path.seconds + time.perf_counter() - began,
                 steps=stop,
@@ -174,7 +174,7 @@ class TrajectoryPlan(PathsPlan):
         return super().kernel_calls() if self.one_path is None else alone.kernel_calls(self.case, self.one_path)
 
     def _moved(self, y: np.ndarray, steps: int, stop: int) -> np.ndarray:
-        """The states of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
+        """States of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
         case = self.case
         states = self.one_path.along(y[0], steps, stop - steps, case.spacing, int(self.stream.seed), case.path)
         total = np.zeros((1, len(REPORT)))
@@ -184,11 +184,11 @@ class TrajectoryPlan(PathsPlan):
         return total[np.newaxis]
 
     def progress(self, state: State) -> Done:
-        """The part of the path that is done, of 1, and no standard error."""
+        """Part of the path that is done, of 1, and no standard error."""
         return Done(state.so_far().steps / self.grid.reference_steps, self.samples, float("nan"))
 
     def _values(self, y: np.ndarray) -> Values | None:
-        """The functions of the case along the path."""
+        """Functions of the case along the path."""
         case = self.case
         if not case.functions:
             return None
@@ -198,7 +198,7 @@ class TrajectoryPlan(PathsPlan):
         return Values(functions=tuple(case.functions), texts=texts, value=value)
 
     def _section(self, y: np.ndarray) -> Crossings | None:
-        """The crossings of the section of the case.
+        """Crossings of the section of the case.
 
         Without noise, coins and memory of the scheme a crossing is where a step of size theta h from the state before
         leads, theta by Brent's method within its bracket.  Otherwise it is on the line between two states.
@@ -248,7 +248,6 @@ class TrajectoryPlan(PathsPlan):
         return theta, found
 
     def results(self, state: State) -> Trajectory:
-        """The results of one scheme of a case, from its final state."""
         path, case = state.total(), self.case
         y = path.y if len(case.stored) == len(path.y) else path.y[case.stored]
         t = case.stored * case.spacing * case.step
@@ -279,7 +278,7 @@ class TrajectoryPlan(PathsPlan):
 
 
 def _reported(report: np.ndarray) -> dict[str, Any]:
-    """The fields of the record about equations, accepted flows and angles, from a report that has them."""
+    """Fields of the record about equations, accepted flows and angles, from a report that has them."""
     columns = report_columns(report)
     fields: dict[str, Any] = {"largest_angle": float(columns["largest_angle"])} if "largest_angle" in columns else {}
     fields["acceptance"] = reported(report)["acceptance"]

@@ -1,4 +1,4 @@
-"""The figure of weak errors: against step sizes, numbers of paths, processor time and eps."""
+"""Figure of weak errors: against step sizes, numbers of paths, processor time and eps."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -13,7 +13,7 @@ from spi.storage.records import student
 from .results import WeakErrors, comparable_sweeps, largest_over_eps, sweeps
 from .study import ESTIMATORS, label_of
 
-Readings = Sequence[WeakErrors]
+WeakReadings = Sequence[WeakErrors]
 
 #: The label of the vertical axis.
 LABEL = r"weak error  $|\mathrm{{E}}\,\varphi(y_h(T))-\mathrm{{E}}\,\varphi(y(T))|$"
@@ -29,7 +29,7 @@ _BESIDE = 1.08  # factor between the step sizes of two estimates of one error, s
 
 
 def _series(reading: WeakErrors, f: int, look: dict[str, Any], label: str) -> plots.Series:
-    """The errors of test function `f`: points with bars, or a smooth curve where nothing was sampled."""
+    """Errors of test function `f`: points with bars, or a smooth curve where nothing was sampled."""
     error, half = np.abs(reading.error[f]), reading.half[f]
     error = np.where(error < plots.HUGE, error, np.inf)
     note = style.order_text(reading.orders[f])
@@ -39,7 +39,7 @@ def _series(reading: WeakErrors, f: int, look: dict[str, Any], label: str) -> pl
     return plots.series(reading.h, error, look | {"marker": ""}, label, shown, band=True, note=note)
 
 
-def _errors(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot | str]:
+def _errors(readings: WeakReadings, looks: style.Looks) -> Iterator[plots.Plot | str]:
     """A panel for each test function, with the slopes that theory states."""
     apart = "samples" in readings[0].panels  # then plain results have panels of their own
     shown = [one for one in readings if not (apart and one.prefixes and _is_outdone(one, readings))]
@@ -68,14 +68,14 @@ def _panel(lines: list[plots.Series], title: str, slopes: Sequence[float] = ()) 
 
 
 def _title(reading: WeakErrors, f: int) -> str:
-    """The formula of a test function, and its name where there are several."""
+    """Formula of a test function, and its name where there are several."""
     if len(reading.functions) == 1:
         return ""
     formula = style.maths(reading.formulas[f], reading.about.variables).strip("$")
     return rf"{style.plain(reading.functions[f])}: $\varphi(y)={formula}$"
 
 
-def _is_outdone(reading: WeakErrors, readings: Readings) -> bool:
+def _is_outdone(reading: WeakErrors, readings: WeakReadings) -> bool:
     """Whether a plain estimate stands beside a better one of the same scheme, by levels or points."""
     return reading.about.estimator == "plain" and any(
         other.about.estimator in ("multilevel", "quasi") and other.about.variant == reading.about.variant
@@ -83,8 +83,8 @@ def _is_outdone(reading: WeakErrors, readings: Readings) -> bool:
     )
 
 
-def _largest(readings: Readings, f: int, looks: style.Looks) -> list[plots.Series]:
-    """The largest errors over eps of each scheme with several eps, with their order, as broad lines."""
+def _largest(readings: WeakReadings, f: int, looks: style.Looks) -> list[plots.Series]:
+    """Largest errors over eps of each scheme with several eps, with their order, as broad lines."""
     lines = []
     chosen = {key: members for key, members in comparable_sweeps(readings).items() if len(members[0].h) > 1}
     for (scheme, estimator), members in chosen.items():
@@ -99,7 +99,7 @@ def _largest(readings: Readings, f: int, looks: style.Looks) -> list[plots.Serie
     return lines
 
 
-def _notes(readings: Readings) -> list[str]:
+def _notes(readings: WeakReadings) -> list[str]:
     """A note where the reference does not resolve the fast processes: it then shows a limit."""
     if not any(reading.reference_shows_limit for reading in readings):
         return []
@@ -110,7 +110,7 @@ def _notes(readings: Readings) -> list[str]:
     return [rf"$\varepsilon<\sqrt{{h_{{\mathrm{{ref}}}}}}$: the reference shows {limit}"]
 
 
-def _samples(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot | str]:
+def _samples(readings: WeakReadings, looks: style.Looks) -> Iterator[plots.Plot | str]:
     """Errors of plain Monte Carlo for several numbers of paths, beside the exact ones."""
     several = len({one.about.variant for one in readings}) > 1
     for f in range(len(readings[0].functions)):
@@ -124,7 +124,7 @@ def _samples(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot | st
 
 
 def _stages(reading: WeakErrors, f: int) -> list[plots.Series]:
-    """The errors for each number of first paths, and for all of them, and half their intervals."""
+    """Errors for each number of first paths, and for all of them, and half their intervals."""
     first, whole = reading.prefixes, reading.sampled
     if first is None or whole is None:
         return []
@@ -150,7 +150,7 @@ def _stages(reading: WeakErrors, f: int) -> list[plots.Series]:
 
 
 class Run(NamedTuple):
-    """The accuracy of an estimator of one error as its work grows."""
+    """Accuracy of an estimator of one error as its work grows."""
 
     estimator: str
     seconds: np.ndarray
@@ -170,7 +170,7 @@ class Run(NamedTuple):
 
 
 def _run(reading: WeakErrors, f: int, i: int) -> Run:
-    """The accuracy at step size number i, of all stages with less work and of the whole."""
+    """Accuracy at step size number i, of all stages with less work and of the whole."""
     last = reading.sampled.error_stderr if reading.sampled else reading.half
     points = [(reading.cpu_seconds, last[f, i])]
     if reading.stages:
@@ -181,7 +181,7 @@ def _run(reading: WeakErrors, f: int, i: int) -> Run:
     return Run(reading.about.estimator, seconds, accuracy, exact=reading.unsampled is not None)
 
 
-def _seconds(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _seconds(readings: WeakReadings, looks: style.Looks) -> Iterator[plots.Plot]:
     """A panel for each test function and each scheme of which plain results of first paths are stored."""
     for f in range(len(readings[0].functions)):
         for variant in dict.fromkeys(reading.about.variant for reading in readings):
@@ -228,7 +228,7 @@ def _times(ratio: float) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _over_eps(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _over_eps(readings: WeakReadings, looks: style.Looks) -> Iterator[plots.Plot]:
     """Errors against eps, a panel for each test function and step size."""
     if not any(reading.about.eps for reading in readings):
         raise ValueError("the panel 'eps' needs a scheme with eps > 0")
@@ -237,7 +237,7 @@ def _over_eps(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
             yield _at_step([reading for reading in readings if h in reading.h], f, looks, h)
 
 
-def _at_step(readings: Readings, f: int, looks: style.Looks, h: float) -> plots.Plot:
+def _at_step(readings: WeakReadings, f: int, looks: style.Looks, h: float) -> plots.Plot:
     """Errors at one step size against eps; of schemes that know no eps, or for eps = 0, a horizontal line."""
     ends = plots.limits(np.array([eps for reading in readings if (eps := reading.about.eps)]))
     several = len({reading.about.estimator for reading in readings}) > 1
@@ -267,11 +267,11 @@ def _at_step(readings: Readings, f: int, looks: style.Looks, h: float) -> plots.
     return plots.Plot(lines, title, r"$\varepsilon$", LABEL.format(), "log", True, ends, own=own)
 
 
-def _limits_of_eps(readings: Readings, h: float, ends: tuple[float, float]) -> plots.Draw:
+def _limits_of_eps(readings: WeakReadings, h: float, ends: tuple[float, float]) -> plots.Draw:
     """Where the explicit scheme becomes unstable, and where the reference shows a limit."""
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
-        entries: list[plots.Entry] = []
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
+        entries: list[plots.LegendEntry] = []
         stable = math.sqrt(h / 2)
         if ends[0] < stable < ends[1]:
             line = ax.axvline(stable, color=plots.GREY, linestyle="--", linewidth=0.9, zorder=1)
@@ -285,7 +285,7 @@ def _limits_of_eps(readings: Readings, h: float, ends: tuple[float, float]) -> p
     return own
 
 
-def _facts(readings: Readings) -> dict[str, str]:
+def _facts(readings: WeakReadings) -> dict[str, str]:
     """Facts of all of a case: of the estimators and their samples only what they have in common."""
     first, estimators = readings[0], {reading.about.estimator for reading in readings}
     return style.facts(
@@ -299,10 +299,10 @@ def _facts(readings: Readings) -> dict[str, str]:
 
 
 PANELS = {
-    "errors": [panels.Own(_errors)],
-    "samples": [panels.Own(_samples)],
-    "seconds": [panels.Own(_seconds)],
-    "eps": [panels.Own(_over_eps)],
+    "errors": [panels.OwnPanels(_errors)],
+    "samples": [panels.OwnPanels(_samples)],
+    "seconds": [panels.OwnPanels(_seconds)],
+    "eps": [panels.OwnPanels(_over_eps)],
 }
 
 draw = panels.Figures(PANELS, _facts)

@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind weak."""
+"""Keys of an experiment of kind weak."""
 
 from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -7,10 +7,9 @@ from annotated_types import MinLen
 from pydantic import BeforeValidator
 
 from spi.ensemble.protocol import Positive
-from spi.plugins import lacking
 from spi.specs.cases import FunctionsCase
 from spi.specs.checks import check_distinct, check_extrapolate
-from spi.specs.keys import Functions, Levels, Samples, condition, key_of, shown, wrong
+from spi.specs.keys import ExtrapolationLevels, Functions, Samples, check_here, condition, key_of, wrong
 from spi.statistics.claims import Sort, claimable
 
 from .results import WeakErrors
@@ -19,15 +18,14 @@ from .study import ESTIMATORS
 #: The panels of the figure.
 PANELS = ("errors", "samples", "seconds", "eps")
 
-Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
-Prefixes = Annotated[tuple[Samples, ...], MinLen(1)]
+WeakPanels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
+PrefixCounts = Annotated[tuple[Samples, ...], MinLen(1)]
 
 
 def _none_lacking(names: Any) -> Any:
-    """The names of estimators; raises the error about one that a plug-in has which is not here."""
+    """Names of estimators; raises the error about one that a plug-in has which is not here."""
     for n, name in enumerate(names if isinstance(names, list) else ()):
-        if advice := lacking("estimators", name):
-            raise wrong(f"is {shown(name)}", advice, n)
+        check_here("estimators", name, n)
     return names
 
 
@@ -36,7 +34,7 @@ Estimators = Annotated[tuple[Literal[NAMES], ...], MinLen(1), BeforeValidator(_n
 
 
 class SampledCase(FunctionsCase):
-    """The keys of all cases in which expectations are estimated."""
+    """Keys of all cases in which expectations are estimated."""
 
     samples: key_of(Samples | None, "number of Brownian paths") = None
     standard_error: key_of(
@@ -51,7 +49,9 @@ class SampledCase(FunctionsCase):
         "value",
     ) = None
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}") = ()
-    extrapolate: key_of(Levels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them") = (0,)
+    extrapolate: key_of(
+        ExtrapolationLevels, "levels of Richardson extrapolation of weak errors, 0 to 3 or a list of them"
+    ) = (0,)
 
     unsaid: ClassVar = {**FunctionsCase.unsaid, "extrapolate": (0,)}
 
@@ -87,8 +87,8 @@ class Case(SampledCase):
 
     functions: key_of(Functions, "test functions, as in {phi: sin(2*pi*y1) + y2^2}, or the text of one named phi")
     estimators: key_of(Estimators, f"a list, some of {', '.join(ESTIMATORS)}")
-    prefixes: key_of(Prefixes | None, "numbers of first paths for which plain gives results as well") = None
-    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("errors",)
+    prefixes: key_of(PrefixCounts | None, "numbers of first paths for which plain gives results as well") = None
+    panels: key_of(WeakPanels, f"what the figure shows, some of {', '.join(PANELS)}") = ("errors",)
 
     quantities: ClassVar = claimable(WeakErrors) | {"uniform_order": Sort("equal"), "agreement": Sort("at most", True)}
     scoping: ClassVar = ("estimators", "functions")

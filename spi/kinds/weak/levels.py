@@ -1,4 +1,4 @@
-"""The sums of a multilevel estimator over the samples of its levels, and their moments, Giles' table and rates."""
+"""Sums of a multilevel estimator over the samples of its levels, and their moments, Giles' table and rates."""
 
 import time
 from typing import Any, NamedTuple
@@ -29,7 +29,7 @@ from spi.statistics.intervals import student_factor
 from spi.storage.records import Order
 
 from .plans import stderr_of
-from .results import Levels as LevelTable
+from .results import LevelEstimates as LevelTable
 from .solved import solution
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -54,7 +54,7 @@ def levels_of(case: Any, scheme: Any, antithetic: bool, limit: tuple | None) -> 
 
 
 def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
-    """The paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
+    """Paths of a level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
     if limit is not None:
         shape: dict[str, Any] = {"doublings": (1, 1, 0, 0), "by_reference": (0, 1, 0, 1)}
         return shape, [[-1.0, 0.0, 1.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, -1.0, 0.0, 1.0]]
@@ -63,7 +63,7 @@ def _two_steps(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], l
 
 
 def _one_step(antithetic: bool, limit: tuple | None) -> tuple[dict[str, Any], list[list[float]]]:
-    """The paths of the last level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
+    """Paths of the last level, as words of :func:`spi.ensemble.loop.grid`, and their weights."""
     if antithetic:
         return {"doublings": (0, 0), "reversals": (AS_TOSSED, COINS_TURNED)}, [[0.5, 0.5], [1.0, 0.0]]
     if limit is not None:
@@ -99,7 +99,7 @@ class Errors(NamedTuple):
     unseen: np.ndarray  #: (F, S) their unseen part, half the width of an interval
 
 
-class Decisions(NamedTuple):
+class Allocation(NamedTuple):
     """Results besides sums over paths, of F test functions at S step sizes."""
 
     seconds: float  #: wall clock
@@ -113,7 +113,7 @@ class Decisions(NamedTuple):
     history_cpu_seconds: np.ndarray  #: (allocations,)
 
     @classmethod
-    def pilot(cls, levels: int, functions: int, steps: int, control: bool) -> "Decisions":
+    def pilot(cls, levels: int, functions: int, steps: int, control: bool) -> "Allocation":
         """The pilot is wanted, and the expectations of the control, if there is one, are not computed."""
         return cls(
             seconds=0.0,
@@ -132,7 +132,7 @@ class Decisions(NamedTuple):
         """Whether the errors of the current allocation, if there is one, are in the history."""
         return not self.allocations or bool(self.history_cpu_seconds[self.allocations - 1])
 
-    def with_errors(self, errors: Errors, cpu_seconds: float) -> "Decisions":
+    def with_errors(self, errors: Errors, cpu_seconds: float) -> "Allocation":
         """These with the errors of the current allocation, which has been fulfilled."""
         error, stderr, seconds = (
             values.copy() for values in (self.history_error, self.history_error_stderr, self.history_cpu_seconds)
@@ -141,7 +141,7 @@ class Decisions(NamedTuple):
         error[i], stderr[i], seconds[i] = errors.error, stderr_of(*errors), cpu_seconds
         return self._replace(history_error=error, history_error_stderr=stderr, history_cpu_seconds=seconds)
 
-    def with_control(self, case: Any, control: tuple, steps: np.ndarray) -> "Decisions":
+    def with_control(self, case: Any, control: tuple, steps: np.ndarray) -> "Allocation":
         """These with the expectations of the control, rows of flows, at steps from the largest to that of reference."""
         began, cpu_began = time.perf_counter(), time.process_time()
         exact, _ = solution(case, control, steps)
@@ -155,7 +155,7 @@ class Decisions(NamedTuple):
 
 
 def control_of(case: Any, record: Any) -> tuple | None:
-    """The rows of the limit, a splitting scheme, if the scheme has a limit whose expectations can be solved for."""
+    """Rows of the limit, a splitting scheme, if the scheme has a limit whose expectations can be solved for."""
     solvable = can_solve(case.model) and not case.truncate_noise and not isinstance(case.initial, RandomState)
     return record.stages if solvable and isinstance(record, AsymptoticPreserving) else None
 
@@ -172,7 +172,7 @@ class LevelTotals(Sums):
     nonfinite: Array = counted()
 
 
-class Moments(NamedTuple):
+class LevelMoments(NamedTuple):
     """Moments of each level, all (levels, F)."""
 
     mean: np.ndarray  #: of Y, with a control of Y - beta (Y_0 - E Y_0)
@@ -182,7 +182,7 @@ class Moments(NamedTuple):
 
 
 class LevelSums(NamedTuple):
-    """The totals of several levels."""
+    """Totals of several levels."""
 
     blocks: np.ndarray  #: (levels,)
     sums: np.ndarray  #: (levels, powers, quantities, F, GROUPS)
@@ -191,7 +191,7 @@ class LevelSums(NamedTuple):
     control: np.ndarray  #: (levels, F) its expectations
 
     def only(self, levels: slice) -> "LevelSums":
-        """The totals of some levels."""
+        """Totals of some levels."""
         return LevelSums(*(values[levels] for values in self))
 
     @property
@@ -217,7 +217,7 @@ class LevelSums(NamedTuple):
             return np.nan_to_num((product[0] - y[0] * y0[0]) / (y0[1] - y0[0] ** 2))
 
     def averages(self) -> tuple[np.ndarray, np.ndarray]:
-        """The means of :class:`Moments`, (levels, F), and their leave-one-out values (groups, levels, F)."""
+        """The means of :class:`LevelMoments`, (levels, F), and their leave-one-out values (groups, levels, F)."""
         beta, means, withouts = self.beta(), [], []
         for j, (sums, blocks) in enumerate(zip(self.sums, self.blocks, strict=True)):
             mean, without = mean_over_paths(sums[0, DIFFERENCE], _counts(blocks))
@@ -229,8 +229,8 @@ class LevelSums(NamedTuple):
             withouts.append(without)
         return np.array(means), np.stack(withouts, axis=1)
 
-    def moments(self) -> Moments:
-        """The moments of each level."""
+    def moments(self) -> LevelMoments:
+        """Moments of each level."""
         with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
             powers = self.means_of_powers()
             m1, m2 = powers[DIFFERENCE][:2]
@@ -239,7 +239,7 @@ class LevelSums(NamedTuple):
             if self.controlled:
                 covariance = powers[PRODUCT][0] - m1 * powers[CONTROL][0]
                 variance = np.maximum(variance - self.beta() * covariance, 0.0)
-            return Moments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, tails)
+            return LevelMoments(self.averages()[0], np.sqrt(variance / self.samples.reshape(-1, 1)), variance, tails)
 
     def consistency(self) -> np.ndarray:
         """Giles' check |a - b + d| / (3 (sd a + sd b + sd d)), above 1 with probability 0.3 %, (levels - 1, F).
@@ -255,7 +255,7 @@ class LevelSums(NamedTuple):
             return np.abs(off) / (3.0 * (sd_fine[1:] + sd_fine[:-1] + moments.stderr[:-1]))
 
     def variance_rates(self, h: np.ndarray) -> tuple[Order, ...]:
-        """The rates p in V = O(h^p), with their intervals, of the variances of levels at the steps h."""
+        """Rates p in V = O(h^p), with their intervals, of the variances of levels at the steps h."""
         rates = []
         for f, beta in enumerate(self.beta().T):
             each = [mean_over_paths(s[:2, :, f], _counts(n)) for s, n in zip(self.sums, self.blocks, strict=True)]
@@ -319,7 +319,7 @@ class Combination(NamedTuple):
     below: np.ndarray  #: for each step of the case the number of levels between it and the reference step
 
     def errors(self, differences: np.ndarray) -> np.ndarray:
-        """The errors (..., F, S) against the reference from the differences (..., levels, F) of the levels."""
+        """Errors (..., F, S) against the reference from the differences (..., levels, F) of the levels."""
         sums = np.moveaxis(np.cumsum(0.0 - differences, axis=-2), -2, -1)  # of the steps 2 h_ref, 4 h_ref, ...
         count, weights = self.extrapolation.levels, self.extrapolation.weights
         errors = self.extrapolation.combined(sums[..., self.below - 1])

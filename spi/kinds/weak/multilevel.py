@@ -21,13 +21,13 @@ from typing import Any, ClassVar
 import numpy as np
 
 from spi.ensemble.increments import RandomStream
-from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, Grid, grid
+from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, TimeGrid, grid
 from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
 from spi.exact.expectations import can_solve
 from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, ns_of, values_of_blocks
-from spi.kinds.plans import Cost, Done, KernelCall, State
+from spi.kinds.plans import Done, KernelCall, PartCost, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
 from spi.schemes.splitting import has_antithetic_path
@@ -42,8 +42,8 @@ from .levels import (
     PILOT,
     PRODUCT,
     SHARES,
+    Allocation,
     Combination,
-    Decisions,
     Errors,
     LevelSums,
     LevelTotals,
@@ -52,7 +52,7 @@ from .levels import (
     levels_of,
 )
 from .plans import WeakPlan, sampled_errors, stderr_of
-from .results import Differences, History, Sampled, WeakErrors
+from .results import Differences, History, SampledFields, WeakErrors
 from .solved import check_demands
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -104,12 +104,12 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
     @classmethod
     def of(cls, case: Any, part: Part) -> "MultilevelPlan":
-        """The plan for one scheme of a case: by differences to the scheme of weak order 2 where that is possible."""
+        """Plan for one scheme of a case: by differences to the scheme of weak order 2 where that is possible."""
         return (DifferencesPlan if can_compare(case, part) else MultilevelPlan).by_levels(case, part)
 
     @classmethod
     def by_levels(cls, case: Any, part: Part) -> "MultilevelPlan":
-        """The plan by differences between levels."""
+        """Plan by differences between levels."""
         record = case.row(part.scheme, part.eps).record
         control = control_of(case, record)
         levels = levels_of(case, record, has_antithetic_path(record), record._replace(eps=0.0) if control else None)
@@ -123,17 +123,17 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
     @property
     def combination(self) -> Combination:
-        """The combination of the differences of levels into errors."""
+        """Combination of the differences of levels into errors."""
         below = [round(np.log2(h / self.case.reference_step)) for h in self.case.steps]
         return Combination(self.extrapolation, np.array(below))
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of paths, seconds of one thread at typical speed (NaN if there is no budget), and bytes of memory."""
         steps = np.array([level.steps * LANES for level in self.levels])
         round_of_all = self.seconds_per_block.sum()
         seconds = PILOT * round_of_all + self.case.seconds if self.case.seconds else np.nan
         target = self.case.standard_error is not None
-        return Cost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES), at_most=target)
+        return PartCost(seconds * steps.sum() / round_of_all, seconds, int(BATCH_BYTES), at_most=target)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; a level is the same whatever is asked of the others."""
@@ -148,29 +148,27 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         """All that tells a level from the others of its scheme."""
         return ["largest step", max(self.case.steps)] if number == self.base else ["difference", number]
 
-    def initial_extra(self) -> Decisions:
+    def initial_extra(self) -> Allocation:
         """The pilot is wanted."""
-        return Decisions.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
+        return Allocation.pilot(len(self.levels), len(self.case.functions), len(self.h), bool(self.control))
 
     @property
     def sets(self) -> tuple[Sample, ...]:
-        """The levels."""
+        """Levels."""
         return self.levels
 
-    def wanted(self, extra: Decisions) -> np.ndarray:
+    def wanted(self, extra: Allocation) -> np.ndarray:
         """(levels,) the samples that the current allocation wants."""
         return extra.targets * LANES
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         return {"quantity": 4 if self.control else 2, "function": len(self.case.functions)}
 
     def kernel_calls(self) -> list[KernelCall]:
-        """One step of one block."""
         return self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream)
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, np.ndarray]:
-        """The quantities of some blocks of samples, with a control the product as well."""
+        """Quantities of some blocks of samples, with a control the product as well."""
         quantities = super().observe(number, first, blocks, end)["sums"]
         lost = np.logical_not(np.isfinite(quantities[:, :PRODUCT]).all(axis=(1, 2)))
         if self.control:
@@ -178,7 +176,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
                 quantities = np.concatenate([quantities, quantities[:, :1] * quantities[:, 2:]], axis=1)
         return {"sums": quantities, "nonfinite": lost}
 
-    def next_allocation(self, state: State) -> Decisions | None:
+    def next_allocation(self, state: State) -> Allocation | None:
         """The next allocation; before the first the expectations of the control, where there is one."""
         extra = state.extra
         if self.control and np.isnan(extra.known).any():
@@ -193,7 +191,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         return extra._replace(targets=targets, allocations=extra.allocations + 1)
 
     def level_sums(self, state: State) -> LevelSums:
-        """The sums of all levels, over the paths that are computed."""
+        """Sums of all levels, over the paths that are computed."""
         totals = [state.so_far(j) for j in range(len(self.levels))]
         cpu_seconds = np.array([level.cpu_seconds for level in totals])
         cpu_seconds[-1] += state.extra.cpu_seconds
@@ -215,7 +213,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
 
     @property
     def base(self) -> int:
-        """The number of the level that has the largest step alone."""
+        """Number of the level that has the largest step alone."""
         return len(self.levels) - 1
 
     def least_work(self, variance: np.ndarray, cost: np.ndarray) -> tuple[float, np.ndarray]:
@@ -250,7 +248,7 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         return np.ceil(samples / (ROUND * LANES)).astype(np.int64) * ROUND
 
     def errors(self, levels: LevelSums) -> Errors:
-        """The errors, sums of the differences of the levels."""
+        """Errors, sums of the differences of the levels."""
         mean, without = levels.averages()
         combine = self.combination.errors
         each = np.eye(self.base)[..., np.newaxis]  # to find the weight of each level in each error
@@ -269,11 +267,10 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         return np.nan_to_num(self.unseen_levels(levels) ** 2 / zero_share_bound(levels.samples[:, np.newaxis]))
 
     def results(self, state: State) -> WeakErrors:
-        """The results of one scheme of a case, from its final state."""
         return self.results_of(self.level_sums(state), state)
 
     def results_of(self, levels: LevelSums, state: State) -> WeakErrors:
-        """The results from the sums over these levels, which may be fewer than the state has."""
+        """Results from the sums over these levels, which may be fewer than the state has."""
         steps = sum(level.steps * int(n) * LANES for level, n in zip(self.levels, levels.blocks, strict=True))
         errors, extra = self.errors(levels), state.extra
         fields, sampled = sampled_errors(self, *errors)
@@ -281,7 +278,9 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
         samples, cpu_seconds = int(levels.samples.sum()), float(levels.cpu_seconds.sum())
         estimated = fields | {
             "expectation": expectation,
-            "sampled": Sampled(**sampled, **of_expectation, samples=samples, ns_per_step=ns_of(cpu_seconds, steps)),
+            "sampled": SampledFields(
+                **sampled, **of_expectation, samples=samples, ns_per_step=ns_of(cpu_seconds, steps)
+            ),
             "levels": levels.table(self.coarse, has_antithetic_path(self.scheme), extra.control_bound),
             "history": History(
                 allocations=np.arange(1, len(SHARES) + 1),
@@ -327,7 +326,7 @@ class DifferencesPlan(MultilevelPlan):
 
     @classmethod
     def by_levels(cls, case: Any, part: Part) -> "DifferencesPlan":
-        """The plan by one difference at each step, and levels of the scheme of weak order 2."""
+        """Plan by one difference at each step, and levels of the scheme of weak order 2."""
         order2 = MultilevelPlan.by_levels(case, Part(ORDER_2, part.estimator))
         sides = len(_sides(case.row(part.scheme, part.eps).record))
         levels = *order2.levels, *(_difference(case, h, sides) for h in case.steps)
@@ -335,7 +334,7 @@ class DifferencesPlan(MultilevelPlan):
 
     @property
     def base(self) -> int:
-        """The number of the level that has the largest step alone."""
+        """Number of the level that has the largest step alone."""
         return self.order2.base
 
     @property
@@ -351,16 +350,16 @@ class DifferencesPlan(MultilevelPlan):
         return super().deciding(number) if number is None or number > self.base else self.order2.deciding(number)
 
     def name_of_level(self, number: int) -> list[Any]:
-        """The step of a difference."""
+        """Step of a difference."""
         return ["of schemes", self.case.steps[number - self.base - 1]]
 
     def kernel_calls(self) -> list[KernelCall]:
-        """The kernels of all schemes."""
+        """Kernels of all schemes."""
         own = self.calls_of_a_step(self._own_paths(self.base + 1), self.levels[-1].stream)
         return [*self.order2.kernel_calls(), *own]
 
     def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
-        """The values of the test functions at the end of some blocks of one level."""
+        """Values of the test functions at the end of some blocks of one level."""
         if number <= self.base:
             return self.order2.values(number, first, blocks, end)
         level = self.levels[number]
@@ -383,18 +382,18 @@ class DifferencesPlan(MultilevelPlan):
         return root + float(of_differences), np.append(per_root, variance[differences] / of_differences)
 
     def errors(self, levels: LevelSums) -> Errors:
-        """The errors of the scheme of weak order 2, with the differences added."""
+        """Errors of the scheme of weak order 2, with the differences added."""
         own, differences = self._divided(levels)
         base, (mean, without) = self.order2.errors(own), differences.averages()
         unseen = base.unseen + self.unseen_levels(differences).T
         return Errors(base.error + mean.T, base.without + np.moveaxis(without, 1, 2), base.counts, unseen)
 
     def _divided(self, levels: LevelSums) -> tuple[LevelSums, LevelSums]:
-        """The levels of the scheme of weak order 2, and the differences."""
+        """Levels of the scheme of weak order 2, and the differences."""
         return levels.only(slice(self.base + 1)), levels.only(slice(self.base + 1, None))
 
     def results(self, state: State) -> WeakErrors:
-        """The results of one scheme of a case, from its final state; its levels are those of the other scheme."""
+        """Results of one scheme of a case, from its final state; its levels are those of the other scheme."""
         levels = self.level_sums(state)
         own, differences = self._divided(levels)
         order2, table = self.order2.results_of(own, state), self._table(own, differences)
@@ -411,7 +410,7 @@ class DifferencesPlan(MultilevelPlan):
         }
         estimated = fields | {
             "expectation": order2.expectation + table.mean,
-            "sampled": Sampled(**sampled),
+            "sampled": SampledFields(**sampled),
             **{name: getattr(order2, name) for name in ("levels", "history")},
             "differences": table,
             "cpu_seconds": cpu_seconds,
@@ -419,7 +418,7 @@ class DifferencesPlan(MultilevelPlan):
         return WeakErrors(**(self.whole(state) | estimated))
 
     def _table(self, own: LevelSums, differences: LevelSums) -> Differences:
-        """The differences at each step."""
+        """Differences at each step."""
         moments = differences.moments()
         return Differences(
             scheme=ORDER_2,
@@ -449,15 +448,15 @@ class DifferencesPlan(MultilevelPlan):
             )
             return (np.abs(a - b) / (3.0 * (sd_b + sd_a))).T
 
-    def _own_paths(self, number: int) -> Grid:
-        """The grid of the paths of the scheme itself in a difference."""
+    def _own_paths(self, number: int) -> TimeGrid:
+        """Grid of the paths of the scheme itself in a difference."""
         times, sides = self.levels[number].grid, _sides(self.scheme)
         words: dict[str, Any] = {"doublings": [0] * len(sides), "reversals": sides}
         return grid(times.reference_step, times.reference_steps, truncate=self.case.clipping, **words)
 
 
 def _difference(case: Any, h: float, sides: int) -> Sample:
-    """The difference at one step: both sides of the scheme of weak order 2, and `sides` of the scheme itself.
+    """Difference at one step: both sides of the scheme of weak order 2, and `sides` of the scheme itself.
 
     The first of the two quantities is the difference, the second the mean of phi at the scheme of weak order 2.
     """
@@ -469,5 +468,5 @@ def _difference(case: Any, h: float, sides: int) -> Sample:
 
 
 def _sides(record: Any) -> tuple[int, ...]:
-    """The reversals of the paths of a scheme: coins as tossed, and turned if there are any."""
+    """Reversals of the paths of a scheme: coins as tossed, and turned if there are any."""
     return _BOTH_SIDES if tosses(record) else _BOTH_SIDES[:1]

@@ -12,7 +12,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from spi.ensemble.increments import Points, dimensions_of, points_of
-from spi.ensemble.loop import Grid
+from spi.ensemble.loop import TimeGrid
 from spi.kinds.blocks import BlocksPlan, ns_of, values_of_blocks
 from spi.kinds.plans import reference_grid
 from spi.numerics.rng import LANES, POINTS
@@ -30,7 +30,7 @@ from spi.statistics.estimators import (
 )
 
 from .plans import WeakPlan, sampled_errors, stderr_of
-from .results import Prefixes, Quasi, Sampled
+from .results import Prefixes, Quasi, SampledFields
 
 
 class PlainSums(Sums):
@@ -61,8 +61,8 @@ class PlainPlan(WeakPlan, BlocksPlan):
         need(case, "plain", "samples")
 
     @cached_property
-    def grid(self) -> Grid:
-        """The step sizes of the case, those that extrapolate the reference, and the reference, on the same paths."""
+    def grid(self) -> TimeGrid:
+        """Step sizes of the case, those that extrapolate the reference, and the reference, on the same paths."""
         case, part = self.case, self.part
         of_reference = {case.reference_step * 2.0**i for i in range(1, 1 + part.extrapolate)}
         return reference_grid(case, part, sorted({*case.steps, *of_reference}, reverse=True))
@@ -73,12 +73,11 @@ class PlainPlan(WeakPlan, BlocksPlan):
         return tuple(self.case.prefixes or ())
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         axes = {"level": 1 + len(self.h), "function": len(self.case.functions), "step": len(self.steps)}
         return axes | {"prefix": len(self.prefixes), "one": 1, "group": GROUPS}
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """The values of the test functions at the end of some blocks, extrapolated or not."""
+        """Values of the test functions at the end of some blocks, extrapolated or not."""
         values, report = values_of_blocks(self, self.grid, self.stream, first, blocks, end)
         values = self._extrapolated(values)
         with np.errstate(invalid="ignore", over="ignore"):
@@ -87,7 +86,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
         return {"values": values, "differences": differences, "nonfinite": lost, "report": report}
 
     def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
-        """The sums with the contributions `at`, also those over the first paths alone."""
+        """Sums with the contributions `at`, also those over the first paths alone."""
         of_prefixes = sums.prefix_differences.copy()
         for i, samples in enumerate(self.prefixes):
             if first * LANES < samples:
@@ -96,18 +95,18 @@ class PlainPlan(WeakPlan, BlocksPlan):
         return super().added(sums._replace(prefix_differences=of_prefixes), contributions, at, first, end)
 
     def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
-        """The sums with the time that some blocks took, shared out to the prefixes."""
+        """Sums with the time that some blocks took, shared out to the prefixes."""
         shares = np.clip((np.array(self.prefixes) / LANES - first) / blocks, 0.0, 1.0)
         timed = super().timed(sums, first, blocks, seconds, cpu_seconds)
         return timed._replace(prefix_cpu_seconds=sums.prefix_cpu_seconds + shares * cpu_seconds)
 
     def stderr(self, sums: Any) -> float:
-        """The standard error of the error at the largest step (of the first function)."""
+        """Standard error of the error at the largest step (of the first function)."""
         errors = self.errors(sums.differences, group_counts(sums.paths))
         return float(stderr_of(*errors)[0, 0])
 
     def estimates(self, sums: PlainSums) -> dict[str, Any]:
-        """The weak errors and expectations."""
+        """Weak errors and expectations."""
         counts = group_counts(self.samples)
         mean, without = mean_over_paths(sums.values[0], counts)
         expectation = _by_step(mean)
@@ -118,7 +117,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
             "expectation": expectation,
             "nonfinite": sums.nonfinite[:-1],
             "prefixes": self._of_prefixes(sums) if self.prefixes else None,
-            "sampled": Sampled(
+            "sampled": SampledFields(
                 **sampled,
                 expectation_stderr=stderr_of(expectation, _by_step(without), counts, lacking),
                 reference=mean[-1],
@@ -131,7 +130,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
         }
 
     def errors(self, differences: np.ndarray, counts: np.ndarray) -> tuple[np.ndarray, ...]:
-        """The arguments of :func:`stderr_of`: errors (F, S), from the largest step to the smallest, and so on."""
+        """Arguments of :func:`stderr_of`: errors (F, S), from the largest step to the smallest, and so on."""
         mean, without = map(_by_step, mean_over_paths(differences[0], counts))
         unseen = self._unseen(mean, jackknife_stderr(mean, without, counts), int(counts.sum()))
         return self.completed(mean), self.completed(without), counts, self.completed(unseen)
@@ -153,7 +152,7 @@ class PlainPlan(WeakPlan, BlocksPlan):
             return np.sum(list(each), axis=0)
 
     def _of_prefixes(self, totals: PlainSums) -> Prefixes:
-        """The errors from the first paths alone, prefix by prefix."""
+        """Errors from the first paths alone, prefix by prefix."""
         errors, stderrs = [], []
         for samples, differences in zip(self.prefixes, totals.prefix_differences, strict=True):
             counts = group_counts(samples)
@@ -208,11 +207,11 @@ class QuasiPlan(PlainPlan):
 
     @cached_property
     def stream(self) -> Points:
-        """The points in the place of independent increments."""
+        """Points in the place of independent increments."""
         return points_of(self.case.seed, POINTS, self.scheme, self.model, self.grid)
 
     def estimates(self, sums: Any) -> dict[str, Any]:
-        """The weak errors, and the gain over independent paths."""
+        """Weak errors, and the gain over independent paths."""
         estimated, values = super().estimates(sums), sums.values[:, :-1].sum(axis=-1)
         sd = standard_deviation(*values / self.samples).T
         with np.errstate(divide="ignore", invalid="ignore"):

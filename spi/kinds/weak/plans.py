@@ -1,4 +1,4 @@
-"""The base of the estimators of weak errors: keys, the schemes they can do, and the errors that follow from means."""
+"""Base of the estimators of weak errors: keys, the schemes they can do, and the errors that follow from means."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,7 +18,7 @@ from .results import WeakErrors
 
 @dataclass(frozen=True, kw_only=True)
 class WeakPlan(Plan):
-    """The base of all estimators: plans of weak errors of one scheme, extrapolated or not."""
+    """Base of all estimators: plans of weak errors of one scheme, extrapolated or not."""
 
     record = WeakErrors
 
@@ -37,7 +37,7 @@ class WeakPlan(Plan):
 
     @classmethod
     def left_out(cls, case: Any) -> tuple[str, ...]:
-        """The schemes of a case that it cannot do."""
+        """Schemes of a case that it cannot do."""
         return tuple(scheme for scheme in case.schemes if not cls.can_do(case, scheme))
 
     @classmethod
@@ -52,7 +52,7 @@ class WeakPlan(Plan):
 
     @property
     def extrapolation(self) -> Extrapolation:
-        """The combination of values at the steps of the case into those of the results, at the steps :attr:`h`."""
+        """Combination of values at the steps of the case into those of the results, at the steps :attr:`h`."""
         count = self.part.extrapolate
         exponents = weak_exponents(self.row, self.model, count) if count else None
         return Extrapolation.of(self.case.steps, exponents or ())
@@ -64,7 +64,7 @@ class WeakPlan(Plan):
 
     @property
     def expected_order(self) -> float | None:
-        """The weak order of the scheme, after extrapolation; None where theory says nothing."""
+        """Weak order of the scheme, after extrapolation; None where theory says nothing."""
         return weak_order(self.row, self.model, self.part.extrapolate, self.case.noise)
 
     @property
@@ -84,7 +84,7 @@ class WeakPlan(Plan):
         return np.array([[size_of_values(as_numpy(tree), self.case.initial)] for tree in self.case.expressions])
 
     def completed(self, differences: np.ndarray) -> np.ndarray:
-        """The errors (..., S) from differences E phi(y_h) - E phi(y_ref), which lack the reference's own error.
+        """Errors (..., S) from differences E phi(y_h) - E phi(y_ref), which lack the reference's own error.
 
         That is **one** number for all steps, C h_ref^p, with C from the smallest step alone, since at large steps
         errors need not be C h^p.  Leave-one-out values are completed alike, so that standard errors contain it.
@@ -125,14 +125,14 @@ _SAME = 1e-12  # relative: values that differ by less differ by rounding
 
 
 def stderr_of(error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray | float) -> np.ndarray:
-    """The standard errors of errors by the jackknife, with the `unseen` part of them, see :meth:`WeakPlan.unseen`."""
+    """Standard errors of errors by the jackknife, with the `unseen` part of them, see :meth:`WeakPlan.unseen`."""
     return np.hypot(jackknife_stderr(error, without, counts), unseen / student_factor(int(np.count_nonzero(counts))))
 
 
 def sampled_errors(
     plan: WeakPlan, error: np.ndarray, without: np.ndarray, counts: np.ndarray, unseen: np.ndarray
 ) -> tuple[dict[str, Any], dict[str, Any]]:
-    """The fits to errors (F, S) of every estimator that samples: fields of WeakErrors, and of Sampled.
+    """Fits to errors (F, S) of every estimator that samples: fields of WeakErrors, and of Sampled.
 
     `without` is (groups, F, S), and `unseen` (F, S) as in :func:`stderr_of`.
     """

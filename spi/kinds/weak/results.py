@@ -1,4 +1,4 @@
-"""The record of weak errors by one estimator, with its tables and remarks."""
+"""Record of weak errors by one estimator, with its tables and remarks."""
 
 import json
 import math
@@ -31,7 +31,7 @@ TOO_FAR = 4.0  #: standard errors
 _ORDER_AMISS = 0.5  # by so much an extrapolated order must lie below the one expected
 
 
-class Sampled(Described):
+class SampledFields(Described):
     """Fields of estimates from samples."""
 
     error_stderr: Array = array("function h", "standard error of the weak error", "value")
@@ -56,14 +56,14 @@ class Unsampled(Described):
 
     @property
     def noted(self) -> dict[str, Any]:
-        """The notes; nothing where they cannot be read."""
+        """Notes; nothing where they cannot be read."""
         try:
             return dict(json.loads(self.notes))
         except ValueError:
             return {}
 
 
-class Stages(Described):
+class StageEstimates(Described):
     """Estimates of the same errors from less work."""
 
     error: Array = array("function h", "weak error from less work", "value")
@@ -78,13 +78,13 @@ class Stages(Described):
         return is_resolved(np.abs(self.error), self.error_stderr)
 
 
-class Prefixes(Stages):
+class Prefixes(StageEstimates):
     """Estimates from the first so many paths."""
 
     samples: Array = axis("number of first paths", name="samples")
 
 
-class History(Stages):
+class History(StageEstimates):
     """Estimates of the allocations of a multilevel estimator."""
 
     allocations: Array = axis("number of the allocation", name="allocation")
@@ -96,8 +96,8 @@ def _half_of_mean(table: Any) -> Array:
         return np.where((table.variance > 0) & (table.samples > 0), half, 0.0)
 
 
-class Levels(Described):
-    """The levels of a multilevel estimate, each the difference between a step and half of it."""
+class LevelEstimates(Described):
+    """Levels of a multilevel estimate, each the difference between a step and half of it."""
 
     h: Array = axis("larger step size of the level", "time", name="level")
     mean: Array = array("function level", "mean of the difference", "value")
@@ -130,7 +130,7 @@ class Levels(Described):
 
 
 class Differences(Described):
-    """The differences of a multilevel estimate to the scheme of weak order 2, one at each step size."""
+    """Differences of a multilevel estimate to the scheme of weak order 2, one at each step size."""
 
     scheme: str = fact("scheme to which differences are taken", name="compared_with")
     mean: Array = array("function h", "mean of the difference", "value")
@@ -165,7 +165,7 @@ class Quasi(Described):
 
 
 def _sampled(name: str, inconsistent: str) -> list[Column]:
-    """The columns of the differences of a multilevel estimate."""
+    """Columns of the differences of a multilevel estimate."""
     return [
         Column(f"{name}_mean", "mean of the\ndifference (95 %)"),
         Column(f"{name}_variance", "variance", form=".2e"),
@@ -264,11 +264,11 @@ class WeakErrors(Stored):
     orders: tuple[Order, ...] = array("function", "", name="order")
     nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
     expected_order: float | None = fact("order that theory states", column=True, default=None)
-    sampled: Sampled | None = None
+    sampled: SampledFields | None = None
     unsampled: Unsampled | None = None
     prefixes: Prefixes | None = nested("samples", "prefix_", default=None)
     history: History | None = nested("allocation", "history_", default=None)
-    levels: Levels | None = nested(prefix="level_", apart=True, default=None)
+    levels: LevelEstimates | None = nested(prefix="level_", apart=True, default=None)
     differences: Differences | None = nested(prefix="difference_", apart=True, default=None)
     quasi: Quasi | None = nested(prefix="quasi_", default=None)
     formulas: tuple[str, ...] = fact("formulas of the test functions in y1, y2, ...", name="functions")
@@ -340,11 +340,11 @@ class WeakErrors(Stored):
 
     @property
     def paths(self) -> int | None:
-        """The number of paths, where it is one for all; None of levels, and where nothing is sampled."""
+        """Number of paths, where it is one for all; None of levels, and where nothing is sampled."""
         return self.sampled.samples if self.sampled and not self.levels else None
 
     @property
-    def stages(self) -> Stages | None:
+    def stages(self) -> StageEstimates | None:
         """Estimates from less work, where there are any."""
         return self.prefixes or self.history
 
@@ -429,7 +429,7 @@ def agreement(reading: WeakErrors, readings: Iterable[WeakErrors]) -> Agreement 
 
 
 class OwnError(NamedTuple):
-    """The reference's own error, which all errors of a reading contain; arrays (F,)."""
+    """Reference's own error, which all errors of a reading contain; arrays (F,)."""
 
     value: Array  #: C h_ref^p by the smallest step, as it was added
     by_next: Array  #: by the step after it, as if that were the smallest
@@ -437,7 +437,7 @@ class OwnError(NamedTuple):
 
 
 def own_error(reading: WeakErrors) -> OwnError | None:
-    """The reference's own error by the two smallest steps; None where it was not added, or there is one step only.
+    """Reference's own error by the two smallest steps; None where it was not added, or there is one step only.
 
     Where errors are C h^p + D h^q there, 2^q >= 2, and the steps differ by a factor of 2, what was added is off by at
     most about as much as the two differ.
@@ -491,7 +491,7 @@ def sweeps(readings: Iterable[WeakErrors]) -> dict[tuple[str, str], list[WeakErr
 
 
 def comparable_sweeps(readings: Iterable[WeakErrors]) -> dict[tuple[str, str], list[WeakErrors]]:
-    """The sweeps of several eps at the same step sizes, of which :func:`largest_over_eps` can be asked."""
+    """Sweeps of several eps at the same step sizes, of which :func:`largest_over_eps` can be asked."""
     return {
         key: members
         for key, members in sweeps(readings).items()
@@ -502,7 +502,7 @@ def comparable_sweeps(readings: Iterable[WeakErrors]) -> dict[tuple[str, str], l
 
 
 def largest_over_eps(members: Sequence[WeakErrors], f: int) -> "Largest":
-    """The ``spi.statistics.estimators.Largest`` over the readings of a comparable sweep, of test function number f."""
+    """``spi.statistics.estimators.Largest`` over the readings of a comparable sweep, of test function number f."""
     from spi.statistics.estimators import largest_over  # takes a while
 
     errors = np.array([one.error[f] for one in members])
@@ -533,13 +533,13 @@ def _power(order: float, base: str) -> str:
 
 
 def _resolution(notes: dict[str, Any]) -> str:
-    """The short ones of the notes of a solver without sampling."""
+    """Short ones of the notes of a solver without sampling."""
     texts = {key.replace("_", " "): json.dumps(value) for key, value in notes.items() if not key.startswith("seconds")}
     return ", ".join(f"{key} {text}" for key, text in texts.items() if len(text) <= 12)
 
 
 def _reference(reading: WeakErrors) -> str:
-    """The share of the errors of a record that its reference lacks."""
+    """Share of the errors of a record that its reference lacks."""
     reference, differences = reading.reference_step, reading.differences
     order = 2.0 if differences else reading.expected_order
     where = f"the reference at h_ref = {power_of_two(reference)}"

@@ -25,7 +25,7 @@ def check_demands(case: Any, estimator: str, multiscale: bool) -> None:
 
 
 def demands_of_schemes(case: Any, multiscale: bool) -> Iterator[tuple[str, Demands]]:
-    """The schemes of a case that are solved without sampling, with their demands."""
+    """Schemes of a case that are solved without sampling, with their demands."""
     for name in case.schemes:
         row = case.row(name)
         rows = row.composition
@@ -34,12 +34,12 @@ def demands_of_schemes(case: Any, multiscale: bool) -> Iterator[tuple[str, Deman
 
 
 def demands_of(case: Any, rows: tuple, steps: Iterable[float]) -> Demands:
-    """The demands of a composition of flows for a case."""
+    """Demands of a composition of flows for a case."""
     return _demands(*question(case, rows, steps))
 
 
 def question(case: Any, rows: tuple, steps: Iterable[float]) -> tuple:
-    """The arguments of the solvers about a composition of flows, hashable, so that results can be cached."""
+    """Arguments of the solvers about a composition of flows, hashable, so that results can be cached."""
     acting = compositions(rows, case.model)
     return case.model, acting, case.initial, case.final_time, tuple(map(float, steps)), case.expressions, case.accuracy
 
@@ -52,7 +52,7 @@ def _demands(
 
 
 def solution(case: Any, rows: tuple, steps: Iterable[float]) -> tuple[Expectations, float]:
-    """The expectations of a composition of flows for a case at some step sizes, and the processor seconds they took."""
+    """Expectations of a composition of flows for a case at some step sizes, and the processor seconds they took."""
     return _solution(*question(case, rows, steps))
 
 

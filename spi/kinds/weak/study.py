@@ -22,12 +22,12 @@ ESTIMATORS = Registry("estimators", {"plain": PlainPlan, "multilevel": Multileve
 
 
 def label_of(name: str) -> str:
-    """The label of an estimator in figures; its name if there is no such estimator."""
+    """Label of an estimator in figures; its name if there is no such estimator."""
     return ESTIMATORS[name].LABEL if name in ESTIMATORS else name
 
 
 def parts(case: Any) -> list[Part]:
-    """The parts of a case in their order: each scheme with each estimator that can do it, extrapolated or not."""
+    """Parts of a case in their order: each scheme with each estimator that can do it, extrapolated or not."""
     return [
         Part(scheme, name, eps, levels)
         for scheme, eps in case.runs
@@ -46,5 +46,5 @@ def remarks(case: Any) -> Iterator[str]:
 
 
 def plan(case: Any, part: Part) -> WeakPlan:
-    """The plan for one scheme of a case with one estimator."""
+    """Plan for one scheme of a case with one estimator."""
     return ESTIMATORS[part.estimator].of(case, part)

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import Any
 
 from spi.api.paths import Phi, computed, functions_by_name, values_of
-from spi.api.progress import Line
+from spi.api.progress import ProgressDisplay
 from spi.api.specs import of_mapping
 from spi.kinds.plans import State
 from spi.printing.text import human_time
@@ -61,6 +61,6 @@ def answer(
         done, total, _ = plan.progress(state)
         line.share(f"of about {human_time(total)} of work at typical speed", done, total or 1.0, state.work)
 
-    with Line("answer", progress) as line:
+    with ProgressDisplay("answer", progress) as line:
         result: Answer = plan.results(computed(plan, line, show))
     return result

@@ -1,4 +1,4 @@
-"""The command `spi answer`: an expectation to a wanted accuracy."""
+"""Command `spi answer`: an expectation to a wanted accuracy."""
 
 import math
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from spi.cli.options import COMPUTE, Command, Fresh, Out, RunOptions, Threads, complete_spec, run_options
-from spi.cli.running import Checkpoint, MaxTime, limits_of, prepare
+from spi.cli.running import CheckpointTime, MaxTime, limits_of, prepare
 from spi.cli.terminal import takes_all_characters, tell
 
 if TYPE_CHECKING:
@@ -36,7 +36,7 @@ def answer(
     out: Out = Path("results"),
     fresh: Fresh = False,
     max_time: MaxTime = None,
-    checkpoint: Checkpoint = "5s",
+    checkpoint: CheckpointTime = "5s",
     *,
     options: RunOptions,
 ) -> None:
@@ -86,7 +86,8 @@ def _predict(experiment: "Experiment") -> None:
         predicted = list(predictions(experiment, line.watch))
     for case, (how, seconds, next_digit) in predicted:
         takes = f": about {human_time(seconds)} of processor time"
-        takes += f"; the next digit {human_time(next_digit)}" * math.isfinite(next_digit)
+        if math.isfinite(next_digit):
+            takes += f"; the next digit {human_time(next_digit)}"
         typer.echo(f"{case}: {how}{'' if math.isnan(seconds) else takes}")
 
 

@@ -26,12 +26,12 @@ def load_answer(
 
 
 def _question(source: specs.Experiment, overrides: Sequence[str]) -> str:
-    """The spec of an answer about an experiment, without its functions where there are others in the overrides."""
+    """Spec of an answer about an experiment, without its functions where there are others in the overrides."""
     return question(source, functions=not any(text.startswith("functions=") for text in overrides))
 
 
 def predictions(experiment: specs.Experiment, watch: Watch) -> Iterator[tuple[str, Prediction]]:
-    """The name of each case of an experiment of kind answer, and its prediction from the pilot alone."""
+    """Name of each case of an experiment of kind answer, and its prediction from the pilot alone."""
     for plan in plans(experiment):
         answer: Any = plan
         compiling.compile_missing(kernel_calls([plan]), watch.report_compiling)

@@ -1,4 +1,4 @@
-"""The commands `spi merge` and `spi verify`, and the options --shard and --dask of `spi run`."""
+"""Commands `spi merge` and `spi verify`, and the options --shard and --dask of `spi run`."""
 
 import logging
 from collections.abc import Iterator
@@ -19,10 +19,10 @@ from spi.cli.options import (
     Compute,
     Fresh,
     Out,
+    ResultsFile,
     ResultsFolder,
     RunOptions,
     Specs,
-    Stored,
     Threads,
     Way,
     end,
@@ -107,7 +107,7 @@ def merge(
 
 @run_options()
 def verify(
-    source: Stored,
+    source: ResultsFile,
     results: ResultsFolder = RESULTS,
     chunks: Annotated[int, typer.Option(help="Number of randomly chosen chunks of paths to recompute.", min=1)] = 8,
     everything: Annotated[bool, typer.Option("--all", help="Recompute all chunks, whatever --chunks says.")] = False,
@@ -144,7 +144,7 @@ def verify(
 
 
 def verified(check: Any) -> Iterator[str]:
-    """The outcome of a check of results, a ``Verification``, line by line."""
+    """Outcome of a check of results, a ``Verification``, line by line."""
     count = len(check.checked)
     equal = "equal to the last bit" if not check.different else f"{len(check.different)} of them different"
     if check.chunks:

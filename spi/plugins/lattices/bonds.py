@@ -29,7 +29,7 @@ _SMALL = 1e-14
 
 
 def model_of(definition: Mapping[str, Any], sigma: Any) -> Spins:
-    """The model ``spins`` that a definition is; DefinitionError, with the reason, where it is no such sum."""
+    """Model ``spins`` that a definition is; DefinitionError, with the reason, where it is no such sum."""
     fields = fields_of(definition, sigma)
     bonds, noise = tuple(Terms(**terms) for terms in fields["bonds"]), fields["noise"]
     own = {"lattice": Cell(**fields["lattice"]), "bonds": bonds, "anisotropy": Anisotropy(**fields["anisotropy"])}
@@ -41,7 +41,7 @@ def model_of(definition: Mapping[str, Any], sigma: Any) -> Spins:
 
 
 def fields_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
-    """The fields of a ``spins`` model; DefinitionError, with the reason, where the system is no such sum."""
+    """Fields of a ``spins`` model; DefinitionError, with the reason, where the system is no such sum."""
     reader = Reader(data)
     for key in ("pieces", "inner", "casimirs", "initial_time", "bracket"):
         if key in data:
@@ -148,7 +148,7 @@ def _anisotropy(own: Any) -> dict[str, Any]:
 
 
 def _noise(noises: list[dict[int, Any]], sigma: list[float], count: int) -> dict[str, Any] | None:
-    """The noise by which all spins turn alike, about any axis or about one.
+    """Noise by which all spins turn alike, about any axis or about one.
 
     A noise H_k = a . y turns by sigma dW_k y x a, that of spins by sigma dW x s.
     """
@@ -172,5 +172,5 @@ def _noise(noises: list[dict[int, Any]], sigma: list[float], count: int) -> dict
 
 
 def _order(places: list[int]) -> tuple[int, ...]:
-    """The numbers of the noises place after place; none where that is their order."""
+    """Numbers of the noises place after place; none where that is their order."""
     return () if places == sorted(places) else tuple(np.argsort(places).tolist())

@@ -1,4 +1,4 @@
-"""The command `spi report`."""
+"""Command `spi report`."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -15,11 +15,11 @@ _OF_LATEX = "Folder for the tables as LaTeX, <latex>/<name>.tex; without a value
 _OF_DATA = "Folder for the curves as CSV, <data>/<name>.csv; without a value curves."
 
 
-class Report(TyperCommand):
+class ReportCommand(TyperCommand):
     """`spi report`, where an option behind which another one follows, or nothing, has its usual value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
-        """The arguments that are left, as of every command."""
+        """Arguments that are left, as of every command."""
         whole: list[str] = []
         for argument, follows in zip(args, [*args[1:], "-"], strict=False):
             whole += [argument, _FOLDERS[argument]] if argument in _FOLDERS and follows[:1] == "-" else [argument]
@@ -66,4 +66,4 @@ def report(
         raise typer.Exit(INVALID)
 
 
-COMMAND = Command(report, LOOK, cls=Report)
+COMMAND = Command(report, LOOK, cls=ReportCommand)

@@ -30,7 +30,7 @@ import sympy
 from spi.expressions.arithmetic import NumberError
 from spi.expressions.ranges import parts, whole
 
-from .brackets import Given, Polynomial
+from .brackets import BracketEntry, BracketPolynomial
 from .text import Symbols
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -42,11 +42,11 @@ from .text import Symbols
 # ---------------------------------------------------------------------------------------------------------------------
 
 Matrices = list[np.ndarray]
-Algebra = tuple[int, list[Given]]  #: dimension, brackets
+Algebra = tuple[int, list[BracketEntry]]  #: dimension, brackets
 
 
 def _unit(n: int, i: int, j: int, value: complex = 1.0) -> np.ndarray:
-    """The n x n matrix with one entry."""
+    """N x n matrix with one entry."""
     matrix = np.zeros((n, n), complex)
     matrix[i, j] = value
     return matrix
@@ -96,7 +96,7 @@ def rotations(lengths: Sequence[int], translations: bool = False) -> Matrices:
 
 
 def _scale(name: str, matrix: np.ndarray) -> Any:
-    """The scale of a generator: those of su(n) are such that |y|^2 is a Casimir function."""
+    """Scale of a generator: those of su(n) are such that |y|^2 is a Casimir function."""
     if name != "su":
         return sympy.Integer(1)
     return 1 / sympy.sqrt(2 * round(np.sum(abs(matrix) ** 2)))
@@ -116,10 +116,10 @@ def _brackets(name: str, matrices: Matrices) -> Algebra:
         return len(matrices), []
     columns, sides = (np.array(several).reshape(len(several), -1).view(float).T for several in (matrices, commutators))
     factors = _rational(np.linalg.lstsq(columns, sides)[0].T)
-    brackets = list[Given]()
+    brackets = list[BracketEntry]()
     for (a, b), row in zip(pairs, factors, strict=True):
         scale = scales[a] * scales[b]
-        linear: Polynomial = {(c,): -sympy.Rational(x) * scale / scales[c] for c, x in enumerate(row) if x}
+        linear: BracketPolynomial = {(c,): -sympy.Rational(x) * scale / scales[c] for c, x in enumerate(row) if x}
         brackets += [("", a, b, linear)] if linear else []
     return len(matrices), brackets
 
@@ -172,7 +172,7 @@ KNOWN = (
 
 def algebra(text: str, symbols: Symbols) -> Algebra:
     """(dimension, brackets) of a product of algebras; NumberError if the text is none."""
-    dimension, brackets = 0, list[Given]()
+    dimension, brackets = 0, list[BracketEntry]()
     for _, _, d, own in _factors(text, symbols):
         moved = ((i, j, {tuple(k + dimension for k in m): c for m, c in linear.items()}) for _, i, j, linear in own)
         brackets += [("", i + dimension, j + dimension, linear) for i, j, linear in moved]
@@ -191,7 +191,7 @@ def known_casimirs(text: str | None, symbols: Symbols, variables: Sequence[Any])
     return casimirs
 
 
-def _factors(text: str, symbols: Symbols) -> Iterator[tuple[str, list[int], int, list[Given]]]:
+def _factors(text: str, symbols: Symbols) -> Iterator[tuple[str, list[int], int, list[BracketEntry]]]:
     """(name, sizes, dimension, brackets) of each factor of a product."""
     left = _LARGEST
     for factor in map(str.strip, parts(text, "*")):
@@ -221,7 +221,7 @@ def _factors(text: str, symbols: Symbols) -> Iterator[tuple[str, list[int], int,
 
 def _vectors(factors: tuple[int, int, int], translations: bool = False) -> Algebra:
     """{y1, y2} = factors[2] y3 and cyclic permutations, and the same with one vector of translations."""
-    brackets: list[Given] = []
+    brackets: list[BracketEntry] = []
     for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
         c = sympy.Integer(factors[k])
         brackets.append(("", i, j, {(k,): c}))

@@ -21,9 +21,9 @@ DIGITS = 60
 NOTHING = mpmath.mpf(10) ** -40
 
 Monomial = tuple[int, ...]  #: w1^2*w3 is (0, 0, 2), and 1 is ()
-Polynomial = dict[Monomial, Any]  #: the factor of each monomial
+BracketPolynomial = dict[Monomial, Any]  #: the factor of each monomial
 Matrix = Mapping[tuple[int, int], mpmath.mpf]  #: (row, column) -> number
-Field = Mapping[tuple[int, Monomial], mpmath.mpf]  #: (row, monomial of the w_i) -> factor
+VectorField = Mapping[tuple[int, Monomial], mpmath.mpf]  #: (row, monomial of the w_i) -> factor
 
 
 def added(terms: Iterable[tuple[Any, Any]]) -> dict[Any, Any]:
@@ -43,8 +43,9 @@ class Bracket(NamedTuple):
     """A bracket, checked."""
 
     variables: tuple[str, ...]
-    entries: Mapping[tuple[int, int], Polynomial]  #: (i, j) with i < j -> {w_i, w_j}, exact numbers; none that vanishes
-    formulas: Mapping[tuple[int, int], Polynomial] = {}  #: in symbols, those that depend on parameters
+    #: (i, j) with i < j -> {w_i, w_j}, exact numbers; none that vanishes.
+    entries: Mapping[tuple[int, int], BracketPolynomial]
+    formulas: Mapping[tuple[int, int], BracketPolynomial] = {}  #: in symbols, those that depend on parameters
     logarithmic: frozenset[int] = frozenset()  #: the variables whose logarithms are coordinates; no bracket has these
 
     @property
@@ -53,7 +54,7 @@ class Bracket(NamedTuple):
 
     @property
     def coordinates(self) -> tuple[str, ...]:
-        """The names of the coordinates."""
+        """Names of the coordinates."""
         return tuple(f"log({name})" if i in self.logarithmic else name for i, name in enumerate(self.variables))
 
     @property
@@ -74,13 +75,13 @@ class Bracket(NamedTuple):
         linear = ({k: c for m, c in entry.items() for k in m} for entry in self.entries.values())
         return not (self.logarithmic or curved or any(map(self.field, linear)))
 
-    def of(self, i: int, j: int) -> Polynomial:
+    def of(self, i: int, j: int) -> BracketPolynomial:
         """{w_i, w_j}."""
         if i <= j:
             return self.entries.get((i, j), {})
         return {monomial: -c for monomial, c in self.entries.get((j, i), {}).items()}
 
-    def in_symbols(self) -> Iterator[tuple[int, int, Polynomial]]:
+    def in_symbols(self) -> Iterator[tuple[int, int, BracketPolynomial]]:
         """(i, j, {w_i, w_j}) with i < j, with the parameters as symbols."""
         return ((i, j, self.formulas.get((i, j), entry)) for (i, j), entry in self.entries.items())
 
@@ -89,8 +90,8 @@ class Bracket(NamedTuple):
         entries = (entry for pair, entry in self.entries.items() if i in pair)
         return i not in self.logarithmic and all(len(monomial) < 2 for entry in entries for monomial in entry)
 
-    def field(self, functional: Mapping[int, Any]) -> Field:
-        """The field of a linear function, w_i' = sum_j functional[j] {w_i, w_j}."""
+    def field(self, functional: Mapping[int, Any]) -> VectorField:
+        """Field of a linear function, w_i' = sum_j functional[j] {w_i, w_j}."""
         with mpmath.workdps(DIGITS):
             return summed(
                 ((row, monomial), sign * precise(c) * functional[column])
@@ -114,7 +115,7 @@ class Bracket(NamedTuple):
         }
 
 
-def is_curved(field: Field) -> bool:
+def is_curved(field: VectorField) -> bool:
     """Whether a field is not affine."""
     return any(len(monomial) > 1 for _, monomial in field)
 
@@ -130,24 +131,24 @@ def precise(number: Any) -> mpmath.mpf:
         return mpmath.mpf(sympy.N(number, DIGITS + 5)._mpf_)
 
 
-Given = tuple[str, int, int, Polynomial]  #: key, i, j, {x_i, x_j} with its parameters as symbols
+BracketEntry = tuple[str, int, int, BracketPolynomial]  #: key, i, j, {x_i, x_j} with its parameters as symbols
 
 
 def checked(
     variables: Sequence[str],
-    given: Iterable[Given],
+    given: Iterable[BracketEntry],
     values: Mapping[Any, Any] = MappingProxyType({}),
     logarithmic: frozenset[int] = frozenset(),
 ) -> Bracket:
-    """The bracket with given {w_i, w_j}, each pair once or twice, those not given being 0.
+    """Bracket with given {w_i, w_j}, each pair once or twice, those not given being 0.
 
     `values` are those of its parameters.
 
     DefinitionError if {w_i, w_j} is given twice with values that are not opposite, if {w_i, w_i} is not 0, or if
     Jacobi's identity does not hold.  Exact; where a number is irrational, to 40 digits.
     """
-    entries: dict[tuple[int, int], Polynomial] = {}
-    formulas: dict[tuple[int, int], Polynomial] = {}
+    entries: dict[tuple[int, int], BracketPolynomial] = {}
+    formulas: dict[tuple[int, int], BracketPolynomial] = {}
     for key, i, j, symbolic in given:
         pair, sign = (min(i, j), max(i, j)), 1 if i < j else -1
         entry = {monomial: sign * c for monomial, c in at_values(symbolic, values).items()}
@@ -206,7 +207,7 @@ def _is_zero(number: Any) -> bool:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def simplified(given: Iterable[Given], values: Mapping[Any, Any]) -> tuple[list[Given], frozenset[int]]:
+def simplified(given: Iterable[BracketEntry], values: Mapping[Any, Any]) -> tuple[list[BracketEntry], frozenset[int]]:
     """(the brackets of the coordinates, the variables whose logarithms are coordinates).
 
     `values` are those of the parameters.
@@ -250,7 +251,7 @@ def _divided(i: int, j: int, monomial: Monomial, chosen: set[int]) -> Monomial:
 
 
 class Symbolics(NamedTuple):
-    """The symbols of formulas and their meaning."""
+    """Symbols of formulas and their meaning."""
 
     bracket: Bracket
     variables: tuple[sympy.Symbol, ...]  #: y_1, ..., y_d
@@ -259,12 +260,12 @@ class Symbolics(NamedTuple):
     casimirs: Sequence[Any] = ()  #: the known Casimir functions
 
     def used(self, expression: Any) -> tuple[int, ...]:
-        """The components that occur in an expression."""
+        """Components that occur in an expression."""
         free = expression.free_symbols
         return tuple(i for i, y in enumerate(self.variables) if y in free)
 
     def at_a_time(self) -> dict[Any, Any]:
-        """The value of time at which formulas are tested."""
+        """Value of time at which formulas are tested."""
         return {self.time: sympy.sqrt(19) / 7} if self.time is not None else {}
 
     def varies(self, expression: Any) -> bool:
@@ -283,7 +284,7 @@ class Symbolics(NamedTuple):
         return str(expression.xreplace(words)).replace("**", "^")
 
     def derivative(self, function: Any, i: int) -> Any:
-        """The derivative of a function by the coordinate w_i; see :attr:`Bracket.coordinates`."""
+        """Derivative of a function by the coordinate w_i; see :attr:`Bracket.coordinates`."""
         return self.by_coordinate(sympy.diff(function, self.variables[i]), i)
 
     def by_coordinate(self, derivative: Any, i: int) -> Any:
@@ -291,7 +292,7 @@ class Symbolics(NamedTuple):
         return sympy.Add(*(self.factor(i) * term for term in sympy.Add.make_args(derivative)))
 
     def factor(self, i: int) -> Any:
-        """The derivative of y_i by its coordinate w_i."""
+        """Derivative of y_i by its coordinate w_i."""
         return self.variables[i] if i in self.bracket.logarithmic else sympy.Integer(1)
 
     def rates(self, v: Mapping[int, Any]) -> dict[int, Any]:
@@ -311,16 +312,16 @@ class Symbolics(NamedTuple):
         return {i: self.factor(i) * rate for i, rate in rates.items() if rate != 0}
 
     def along(self, function: Any, direction: Mapping[int, Any]) -> Any:
-        """The derivative of a function along a vector."""
+        """Derivative of a function along a vector."""
         moved = (i for i in self.used(function) if i in direction)
         return sympy.Add(*(sympy.diff(function, self.variables[i]) * direction[i] for i in moved))
 
     def slope(self, function: Any, i: int) -> Any:
-        """The derivative of a function by the coordinate w_i, at the values of the parameters."""
+        """Derivative of a function by the coordinate w_i, at the values of the parameters."""
         return self.derivative(function, i).xreplace(dict(self.parameters))
 
     def gradient_at(self, function: Any, point: Sequence[Any]) -> dict[int, Any]:
-        """The gradient of a function by coordinate, to the digits at hand; without those where it is not defined."""
+        """Gradient of a function by coordinate, to the digits at hand; without those where it is not defined."""
         gradient = {}
         for i in self.used(function):
             with contextlib.suppress(TypeError, ValueError, ZeroDivisionError):
@@ -378,14 +379,14 @@ def _applied(bracket: Bracket, gradient: dict[int, Any], point: Sequence[Any]) -
 
 
 def degree_of(value: Any, world: Symbolics) -> int | None:
-    """The degree of a homogeneous polynomial; None for another function."""
+    """Degree of a homogeneous polynomial; None for another function."""
     if not value.is_polynomial(*world.variables):
         return None
     return sympy.Poly(value, *world.variables).homogeneous_order()
 
 
-def monomials(polynomial: Any, variables: Sequence[Any]) -> Polynomial:
-    """The factors of the monomials of a polynomial, those that are not 0."""
+def monomials(polynomial: Any, variables: Sequence[Any]) -> BracketPolynomial:
+    """Factors of the monomials of a polynomial, those that are not 0."""
     terms = sympy.Poly(polynomial, *variables).terms()
     return {tuple(n for n, power in enumerate(powers) for _ in range(power)): c for powers, c in terms if c != 0}
 

@@ -11,7 +11,7 @@ import numpy as np
 import sympy
 from sympy.polys.matrices import DomainMatrix
 
-from .brackets import DIGITS, NOTHING, Bracket, Function, Polynomial, Symbolics, degree_of, precise
+from .brackets import DIGITS, NOTHING, Bracket, BracketPolynomial, Function, Symbolics, degree_of, precise
 from .rows import connected, echelon
 
 MOST_DEGREE = 4
@@ -70,8 +70,8 @@ def _of_part(part: set[int], world: Symbolics) -> tuple[list[tuple[int, Any]], i
     return _search_within([*sorted(part), *unit], world)
 
 
-def _linear(entries: Mapping[tuple[int, int], Polynomial], part: Sequence[int], world: Symbolics) -> list[Any]:
-    """The Casimir functions of constant brackets {w_i, w_j}: linear in the w_i; all others are functions of them."""
+def _linear(entries: Mapping[tuple[int, int], BracketPolynomial], part: Sequence[int], world: Symbolics) -> list[Any]:
+    """Casimir functions of constant brackets {w_i, w_j}: linear in the w_i; all others are functions of them."""
     constants: dict[tuple[int, int], Any] = {
         **entries,
         **{(j, i): {(): -entry[()]} for (i, j), entry in entries.items()},
@@ -110,7 +110,7 @@ def _search_within(part: Sequence[int], world: Symbolics) -> tuple[list[tuple[in
 
 
 def _null_space(part: Sequence[int], powers: np.ndarray, bracket: Bracket, product_count: int) -> np.ndarray:
-    """The coefficients of all Casimir functions of a degree: B(y) grad C(y) = 0 at more points than unknowns.
+    """Coefficients of all Casimir functions of a degree: B(y) grad C(y) = 0 at more points than unknowns.
 
     `powers`, (monomial, component), are those of the monomials.  No coefficients where there are no more than
     `product_count`, so that no vectors need be computed.
@@ -162,7 +162,7 @@ def _new_rows(given: list[list[float]], space: np.ndarray) -> Iterator[list[Any]
 
 
 def _without_logarithms(function: Any, world: Symbolics) -> Any:
-    """The product of powers x_i^c_i whose logarithm a function is, if it is one; whole powers if they can be small."""
+    """Product of powers x_i^c_i whose logarithm a function is, if it is one; whole powers if they can be small."""
     terms = function.as_coefficients_dict()
     if not all(term in map(world.coordinate, world.bracket.logarithmic) for term in terms):
         return function

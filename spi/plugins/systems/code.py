@@ -41,7 +41,7 @@ class Formula:
         return lines, [self.code(value) for value in rest]
 
     def code(self, e: Any) -> str:
-        """The code of an expression, in parentheses where it is a sum or has a sign."""
+        """Code of an expression, in parentheses where it is a sum or has a sign."""
         if e.is_Symbol:
             return self.names[e]
         if e.is_Rational or e.is_NumberSymbol or (e.is_number and not e.args):
@@ -68,7 +68,7 @@ class Formula:
         return f"-{text}" if invariant == "-1.0" else text
 
     def _quotient(self, factors: Sequence[Any]) -> tuple[list[str], list[str]]:
-        """The codes of the factors above and below the line of a quotient."""
+        """Codes of the factors above and below the line of a quotient."""
         below = [f for f in factors if f.is_Pow and f.exp.is_number and f.exp.is_negative]
         return [self.code(f) for f in factors if f not in below], [self.code(f.base**-f.exp) for f in below]
 
@@ -118,7 +118,7 @@ class Formula:
         return f"{_PLAIN[e.func]}({inner})"
 
     def _largest(self, e: Any) -> str:
-        """The largest of several, two by two; the least is minus the largest of their opposites."""
+        """Largest of several, two by two; the least is minus the largest of their opposites."""
         sign = "" if isinstance(e, sympy.Max) else "-"
         first, *others = [f"{sign}{self.code(argument)}" for argument in _ordered(e.args, self.names)]
         for other in others:
@@ -127,7 +127,7 @@ class Formula:
 
 
 def _ordered(terms: Sequence[Any], names: Mapping[Any, str]) -> list[Any]:
-    """The terms of a sum in an order that does not depend on the process."""
+    """Terms of a sum in an order that does not depend on the process."""
     order = {symbol: n for n, symbol in enumerate(names)}
     return sorted(terms, key=lambda t: (sorted(order.get(s, len(order)) for s in t.free_symbols), str(t)))
 
@@ -138,8 +138,8 @@ def _literal(number: Any) -> str:
     return repr(float(sympy.N(number, 30)))
 
 
-class Numbers:
-    """The code of numbers: those that depend on parameters as entries of ``model.constants``, others as literals.
+class NumberCode:
+    """Code of numbers: those that depend on parameters as entries of ``model.constants``, others as literals.
 
     A literal that is no double has two parts, so that products with it are accurate to all digits: errors of
     a transform and its inverse with a rounded factor would add up over the steps.
@@ -165,7 +165,7 @@ class Numbers:
         return sign, f"times({name}, {name}_REST, {factor})"
 
     def constant(self, value: mpmath.mpf) -> str:
-        """The code of a number that depends on parameters."""
+        """Code of a number that depends on parameters."""
         self.constants.append(value)
         return f"model.constants[{len(self.constants) - 1}]"
 
@@ -179,7 +179,7 @@ def written_sum(terms: Iterable[tuple[str, str]]) -> str:
 
 
 def forms(
-    rows: Sequence[Mapping[str, mpmath.mpf]], prefix: str, numbers: Numbers, depends: bool
+    rows: Sequence[Mapping[str, mpmath.mpf]], prefix: str, numbers: NumberCode, depends: bool
 ) -> tuple[list[str], list[str]]:
     """Lines that compute the common parts of several linear forms of named quantities, and the code of each form."""
     left = [dict(row) for row in rows]
@@ -199,8 +199,8 @@ def forms(
     return lines, [written_sum(numbers.times(c, name, depends) for name, c in row.items()) for row in left]
 
 
-def _scaled_once(rows: list[dict[str, mpmath.mpf]], name: str, new: str, numbers: Numbers) -> list[str]:
-    """The product of a quantity with a factor of two parts that occurs in several rows gets a name."""
+def _scaled_once(rows: list[dict[str, mpmath.mpf]], name: str, new: str, numbers: NumberCode) -> list[str]:
+    """Product of a quantity with a factor of two parts that occurs in several rows gets a name."""
     sizes = collections.Counter(mpmath.nstr(abs(row[name]), 30) for row in rows if name in row)
     for size, count in sizes.items():
         value = next(abs(row[name]) for row in rows if name in row and mpmath.nstr(abs(row[name]), 30) == size)

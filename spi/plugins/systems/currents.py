@@ -1,4 +1,4 @@
-"""The current of energy of a system in YAML whose H is a sum of terms that stand at places, such as bonds of a ring.
+"""Current of energy of a system in YAML whose H is a sum of terms that stand at places, such as bonds of a ring.
 
 The place of a term is the mean of the indices of its variables: of x(3) 3, of x(3)*x(4) 7/2.  With e_a the sum of the
 terms at place x_a the current is the time derivative of the sum of x_a e_a, along a ring the way round it:
@@ -45,7 +45,7 @@ def energy_current(data: Mapping[str, Any]) -> Callable[[np.ndarray], np.ndarray
 
 
 def _current(gradients: Mapping[float, dict[int, Any]], world: Symbolics, length: int) -> Any:
-    """The sum of (x - x') {h_x, h_x'} over pairs of places x < x', by the gradients of the terms h_x there."""
+    """Sum of (x - x') {h_x, h_x'} over pairs of places x < x', by the gradients of the terms h_x there."""
     current = sympy.Integer(0)
     for other, gradient in gradients.items():
         rates = {i: world.factor(i) * rate for i, rate in world.rates(gradient).items()}
@@ -75,7 +75,7 @@ def _as_function(current: Any, sums: "_Sums") -> Callable[[np.ndarray], np.ndarr
 
 
 def _placed(e: Any, place_of: Mapping[Any, int], length: int) -> list[tuple[Any, list[float]]]:
-    """The terms of a sum with the places of their variables, the nearest way around the ring from the first."""
+    """Terms of a sum with the places of their variables, the nearest way around the ring from the first."""
     if e.is_Add:
         return [pair for term in e.args for pair in _placed(term, place_of, length)]
     at = [place_of[symbol] for symbol in place_of if symbol in e.free_symbols]
@@ -113,7 +113,7 @@ class _Sums(NamedTuple):
         return self.symbols[inside]
 
     def gradient(self, e: Any) -> dict[int, Any]:
-        """The derivatives by component of a term with such symbols, which are not 0."""
+        """Derivatives by component of a term with such symbols, which are not 0."""
         found: dict[int, Any] = {}
         own = {y: {i: sympy.Integer(1)} for i, y in enumerate(self.world.variables)} | self.gradients
         for symbol in sorted(e.free_symbols & own.keys(), key=str):
@@ -123,5 +123,5 @@ class _Sums(NamedTuple):
 
 
 def _way(difference: float, length: int) -> float:
-    """The shorter way around a ring."""
+    """Shorter way around a ring."""
     return (difference + length / 2) % length - length / 2

@@ -26,9 +26,9 @@ from . import joining, splitting
 from .algebras import algebra, known_casimirs
 from .brackets import (
     Bracket,
+    BracketEntry,
+    BracketPolynomial,
     Function,
-    Given,
-    Polynomial,
     Symbolics,
     checked,
     degree_of,
@@ -46,7 +46,7 @@ from .text import Symbols, addends, expression, names
 
 
 def define(data: Mapping[str, Any]) -> System:
-    """The system of a definition with some of :data:`KEYS`; DefinitionError if it has a mistake."""
+    """System of a definition with some of :data:`KEYS`; DefinitionError if it has a mistake."""
     unknown = next((key for key in data if key not in (*KEYS, "sigma")), None)
     if unknown is not None:
         raise DefinitionError(f"is not a known key; known: {', '.join(KEYS)}", unknown)
@@ -54,7 +54,7 @@ def define(data: Mapping[str, Any]) -> System:
 
 
 def strengths(data: Mapping[str, Any], given: Any) -> list[float]:
-    """The strengths of the noises, numbers or entries such as ``0.1 for i = 1..n``; 1 for each if none are given."""
+    """Strengths of the noises, numbers or entries such as ``0.1 for i = 1..n``; 1 for each if none are given."""
     reader = Reader(data if given is None else {**data, "sigma": given})
     formulas = Symbols(parameters=reader.parameters, indices=reader.sizes).in_time(TIME)
     count = sum(len(reader.at(keys, entries, text, formulas)) for text, keys in reader.texts("noises"))
@@ -88,7 +88,7 @@ class Reader:
         self.apart: list[tuple[Any, str]] = []
 
     def symbols(self) -> tuple[Symbolics, Symbols]:
-        """The bracket and its variables, parameters and perhaps time, and the symbols of formulas without time."""
+        """Bracket and its variables, parameters and perhaps time, and the symbols of formulas without time."""
         variables, given = self.structure()
         self.check_names(variables)
         symbols = tuple(sympy.Symbol(f"ψ{n + 1}", real=True) for n in range(len(variables)))
@@ -152,7 +152,7 @@ class Reader:
         return given
 
     def texts(self, key: str) -> list[tuple[str, tuple[Any, ...]]]:
-        """The texts of a list, or the one text, each with its place."""
+        """Texts of a list, or the one text, each with its place."""
         given = self.data.get(key, [])
         if isinstance(given, str):
             return [(given, (key,))]
@@ -177,7 +177,7 @@ class Reader:
     # ---- names and numbers ---------------------------------------------------------------------------------------
 
     def numbers(self) -> dict[str, Any]:
-        """The parameters, exact numbers; each may use those before it."""
+        """Parameters, exact numbers; each may use those before it."""
         values: dict[str, Any] = {}
         for name, text in self.mapping("parameters").items():
             check_name(name, "parameters")
@@ -206,13 +206,13 @@ class Reader:
             raise DefinitionError(f"has '{named[0]}', {named[1]} in formulas; take another name", "variables")
 
     def names(self) -> list[str]:
-        """The names of the variables that are given, ranges written out."""
+        """Names of the variables that are given, ranges written out."""
         sizes = Symbols(indices=self.sizes)
         return [name for text, keys in self.texts("variables") for name in self.at(keys, names, text, sizes)]
 
     # ---- the bracket ---------------------------------------------------------------------------------------------
 
-    def structure(self) -> tuple[list[str], Sequence[Given] | None]:
+    def structure(self) -> tuple[list[str], Sequence[BracketEntry] | None]:
         """(variables, the bracket of the algebra or None where brackets are given)."""
         if {"algebra", "bracket"} <= {*self.data}:
             raise DefinitionError("has algebra and bracket; leave one out", "bracket")
@@ -235,7 +235,7 @@ class Reader:
     def bracket(
         self,
         variables: Sequence[str],
-        given: Sequence[Given] | None,
+        given: Sequence[BracketEntry] | None,
         formulas: Symbols,
         values: Mapping[Any, Any],
     ) -> Bracket:
@@ -249,8 +249,8 @@ class Reader:
         entries, logarithmic = simplified(brackets, values)
         return checked(variables, entries, values, logarithmic)
 
-    def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[Given]:
-        """The brackets of an entry ``x(i) y(i) for i = 1..n: z(i)``."""
+    def brackets_of(self, key: str, variables: Sequence[str], formulas: Symbols) -> list[BracketEntry]:
+        """Brackets of an entry ``x(i) y(i) for i = 1..n: z(i)``."""
         brackets = []
         for body, inner in repeated(key, formulas):
             pair = [name for part in parts(body, " ,\t") if part for name in names(part, inner)]
@@ -267,7 +267,7 @@ class Reader:
     # ---- Hamiltonians --------------------------------------------------------------------------------------------
 
     def flows(self, world: Symbolics, formulas: Symbols, constants: splitting.Constants) -> list[splitting.Flow]:
-        """The flows of H: those of the given pieces, or of the pieces of the splitting."""
+        """Flows of H: those of the given pieces, or of the pieces of the splitting."""
         if "pieces" in self.data:
             pieces = self.expressions("pieces", formulas)
             flows = [self.flow(piece, world, formulas, keys) for keys, _, piece in pieces]
@@ -322,7 +322,7 @@ class Reader:
         return splitting.Flow((term,)) if term else splitting.without_flow(function, str(reason), world)
 
     def driving(self, formulas: Symbols, numbers: Symbols, functions: Sequence[Any]) -> Driving | None:
-        """The dependence on time where H and the noises are `functions`; None if there is none.
+        """Dependence on time where H and the noises are `functions`; None if there is none.
 
         In `formulas` parameters are symbols, in `numbers` their values.
         """
@@ -372,7 +372,7 @@ def check_name(name: str, key: str) -> None:
         raise DefinitionError(f"is {meaning} in formulas; take another name", key, name)
 
 
-def polynomial(value: Any, formulas: Symbols) -> Polynomial:
+def polynomial(value: Any, formulas: Symbols) -> BracketPolynomial:
     """A polynomial in the variables, as factors by monomial; NumberError if it is none."""
     symbols = list(formulas.variables.values())
     expanded = sympy.expand(value)
@@ -402,7 +402,7 @@ def check_finite(functions: Sequence[Any], world: Symbolics, constants: Mapping[
 
 
 def make(definition: Mapping[str, Any], name: str) -> tuple[str, list[tuple[str, float]], list[float], list[str]]:
-    """The entries of :class:`.generated.Made`; DefinitionError if the definition has a mistake."""
+    """Entries of :class:`.generated.Made`; DefinitionError if the definition has a mistake."""
     system = define(definition)
     generated = generate(system, name, vocabulary("model"))
     values = {str(symbol): float(value) for symbol, value in system.world.parameters.items()}
@@ -442,7 +442,7 @@ def _report(system: System, generated: Generated) -> list[str]:
 
 
 def _casimirs(system: System) -> str:
-    """The known Casimir functions and the number of all, for people."""
+    """Known Casimir functions and the number of all, for people."""
     (count, total), functions = system.independent, system.casimirs
     if not total:
         return "Casimir functions: there are none"

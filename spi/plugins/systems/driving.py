@@ -19,7 +19,7 @@ MEAN, MIDDLE = "mean", "middle"
 
 
 class Driving(NamedTuple):
-    """The dependence of a system on time."""
+    """Dependence of a system on time."""
 
     initial: float  #: the time at the beginning
     strengths: Mapping[int, Any]  #: noise -> sigma(t), of those that change
@@ -40,7 +40,7 @@ def _of_time(expression: Any, time: Any) -> bool:
 
 
 class Coefficients:
-    """The parts of the formulas of a system that are numbers of the step, and the code that computes these."""
+    """Parts of the formulas of a system that are numbers of the step, and the code that computes these."""
 
     def __init__(self, names: dict[Any, str], strengths: Mapping[int, Any]) -> None:
         self.names = names  #: of symbols in code; those of coefficients are added
@@ -64,7 +64,7 @@ class Coefficients:
         return sympy.Mul(self._symbol(alone, kind), *inner)
 
     def _symbol(self, expression: Any, kind: str) -> Any:
-        """The symbol in place of a function of time."""
+        """Symbol in place of a function of time."""
         if not expression.free_symbols:
             return expression
         if expression.is_Add:
@@ -77,7 +77,7 @@ class Coefficients:
         return self.entries[key]
 
     def function(self) -> list[str]:
-        """The function of the values at a time."""
+        """Function of the values at a time."""
         expressions = [*(e for e, _ in self.entries), *self.strengths.values()]
         lines, codes = Formula({**self.names, TIME: "t"}, ()).lines(expressions)
         return [
@@ -90,7 +90,7 @@ class Coefficients:
         ]
 
     def method(self, name: str, fields: Sequence[str], noises: int) -> list[str]:
-        """The method ``frozen`` of a class of this name and with these fields before `time`."""
+        """Method ``frozen`` of a class of this name and with these fields before `time`."""
         lines = ["", "def frozen(model, begin, h):", "    start = model.time + begin"]
         at = "abcde"
         lines += [f"    {v} = _driving(model, start + {node!r} * h)" for v, node in zip(at, NODES, strict=True)]
@@ -108,7 +108,7 @@ class Coefficients:
         return [*lines, f"    return {name}({values}start, driving, sigma)"]
 
     def report(self) -> str:
-        """The treatment of time, for people."""
+        """Treatment of time, for people."""
         parts = []
         for kind, how in ((MEAN, "by its mean over a step"), (MIDDLE, "at the middle of a step")):
             if texts := [str(e).replace("**", "^") for e, k in self.entries if k == kind]:

@@ -13,24 +13,24 @@ from typing import Any, NamedTuple
 import mpmath
 import sympy
 
-from .brackets import NOTHING, Bracket, Field, Symbolics, is_curved, summed
-from .code import Formula, Numbers, as_tuple, forms, method, words_in, written_sum
+from .brackets import NOTHING, Bracket, Symbolics, VectorField, is_curved, summed
+from .code import Formula, NumberCode, as_tuple, forms, method, words_in, written_sum
 from .spectrum import Block, Space, blocks
-from .splitting import Flow, Series, constant_rates, form_text, reduced, series
+from .splitting import Flow, PairSeries, constant_rates, form_text, reduced, series
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Source of motions within a joint eigenspace besides e^z, that is shears, and of motions by finite series.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-Terms = list[tuple[str, str]]  #: (sign, code) of the terms of a sum
-Parts = tuple[str, str]  #: codes of a real and an imaginary part
+TextTerms = list[tuple[str, str]]  #: (sign, code) of the terms of a sum
+TextParts = tuple[str, str]  #: codes of a real and an imaginary part
 
 
 class _Writer:
     """A writer of lines of source."""
 
-    def __init__(self, count: int, numbers: Numbers, depends: bool) -> None:
+    def __init__(self, count: int, numbers: NumberCode, depends: bool) -> None:
         self.count, self.numbers, self.depends = count, numbers, depends
         self.lines: list[str] = []
         self.phases: list[tuple[mpmath.mpf, ...]] = []
@@ -51,8 +51,8 @@ class _Writer:
         self.lines.append(f"{name} = {code}")
         return name
 
-    def sum(self, prefix: str, terms: Terms) -> str:
-        """The name of a sum of (sign, code), which has a line of its own; 0.0 where there are none."""
+    def sum(self, prefix: str, terms: TextTerms) -> str:
+        """Name of a sum of (sign, code), which has a line of its own; 0.0 where there are none."""
         return self.let(prefix, written_sum(terms)) if terms else "0.0"
 
     def sine(self, angle: str, phase: tuple[mpmath.mpf, ...]) -> tuple[str, str]:
@@ -83,7 +83,7 @@ class _Writer:
         return code if sign == "+" else f"-{code}"
 
     def total_angle(self, factors: Sequence[mpmath.mpf]) -> str:
-        """The sum of the a with these factors."""
+        """Sum of the a with these factors."""
         terms = []
         for n, c in enumerate(factors):
             if c and self.depends and abs(abs(c) - 1) > NOTHING:
@@ -93,7 +93,7 @@ class _Writer:
                 terms.append(("+" if c > 0 else "-", f"a{n + 1}" if size == 1.0 else f"{size!r} * a{n + 1}"))
         return written_sum(terms)
 
-    def polynomial(self, change: Series) -> str:
+    def polynomial(self, change: PairSeries) -> str:
         """Code of a polynomial in the a, with polynomials in the y as factors."""
         terms = []
         for times in dict.fromkeys(times for times, _ in change):
@@ -123,12 +123,12 @@ class _Writer:
             self.lines.append(f"z{i + 1} = y[{i}] * {names[code]}")
             self.kinds.append("scaling")
 
-    def sheared(self, space: Space, u: Sequence[Parts]) -> list[Parts]:
+    def sheared(self, space: Space, u: Sequence[TextParts]) -> list[TextParts]:
         """(exp(sum_j a_j N_j) - 1) u, real and imaginary part of each coordinate."""
-        total: list[list[Terms]] = [[[], []] for _ in u]
+        total: list[list[TextTerms]] = [[[], []] for _ in u]
         power = list(u)
         for order, moving in enumerate(space.sheared_rows(), 1):
-            rows: list[list[Terms]] = [[[], []] for _ in u]
+            rows: list[list[TextTerms]] = [[[], []] for _ in u]
             for n, shear in enumerate(space.shears):
                 for m, k, c in (entry for entry in shear if entry[0] in moving):
                     for part, other, factor in self._products(c, order):
@@ -264,14 +264,14 @@ class _Writer:
                 self.lines.append(f"z{i + 1} = y{i + 1} + {change}")
 
     def _common_factor(self, block: Block) -> mpmath.mpf:
-        """The common factor of all columns by which changes are put back."""
+        """Common factor of all columns by which changes are put back."""
         sizes = {mpmath.nstr(max(map(abs, row.values())), 30) for space in block.spaces for row in space.right}
         if len(sizes) != 1 or self.depends:
             return mpmath.mpf(1)
         with mpmath.workdps(60):
             return max(abs(c) for c in block.spaces[0].right[0].values())
 
-    def complex_space(self, space: Space, coordinates: Any) -> list[Parts]:
+    def complex_space(self, space: Space, coordinates: Any) -> list[TextParts]:
         u = [(next(coordinates), next(coordinates)) for _ in space.left]
         s, v = self.sine(self.total_angle(space.phases), space.phases)
         real, imaginary = f"-{v}", s
@@ -316,7 +316,7 @@ def _row(entries: Mapping[tuple[int, int], mpmath.mpf], i: int) -> dict[int, mpm
 
 
 def _coordinates(block: Block) -> list[dict[str, mpmath.mpf]]:
-    """The coordinates in the eigenspaces as linear forms: of complex ones real and imaginary parts in turn."""
+    """Coordinates in the eigenspaces as linear forms: of complex ones real and imaginary parts in turn."""
     rows = []
     for space in block.spaces:
         for row in space.left:
@@ -341,13 +341,13 @@ class Motion(NamedTuple):
 
 def motion(
     blocks: Sequence[Block],
-    series: Mapping[int, Series],
+    series: Mapping[int, PairSeries],
     logarithmic: frozenset[int],
     count: int,
-    numbers: Numbers,
+    numbers: NumberCode,
     depends: bool,
 ) -> Motion:
-    """The motion of some blocks, and of coordinates by series, with `count` parameters a.
+    """Motion of some blocks, and of coordinates by series, with `count` parameters a.
 
     `logarithmic`: the variables whose logarithms are coordinates, which begin at 0; `depends`: whether the matrices or
     series depend on parameters.
@@ -386,13 +386,13 @@ def _kind(space: Space) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 #: Blocks, series by component, and the variables whose logarithms are coordinates.
-Moving = tuple[list[Block], dict[int, Series], frozenset[int]]
+Moving = tuple[list[Block], dict[int, PairSeries], frozenset[int]]
 
 
 class Generator(NamedTuple):
     """One of these matrices or fields."""
 
-    field: Field
+    field: VectorField
     rate: Any  #: a_j, a function of y
     key: tuple[Any, ...]  #: equal for equal fields
     components: tuple[int, ...]  #: of the function whose field it is
@@ -400,7 +400,7 @@ class Generator(NamedTuple):
 
 
 def generators(flow: Flow, world: Symbolics) -> list[Generator]:
-    """The generators of the linear functions that a flow depends on, by their pivots, then of the quadratic ones."""
+    """Generators of the linear functions that a flow depends on, by their pivots, then of the quadratic ones."""
     bracket = world.bracket
     generators = []
     key: tuple[Any, ...]
@@ -419,7 +419,7 @@ def generators(flow: Flow, world: Symbolics) -> list[Generator]:
 
 
 def motions(generators: Sequence[Generator], bracket: Bracket) -> Moving:
-    """The motions by commuting matrices, block by block, and by series."""
+    """Motions by commuting matrices, block by block, and by series."""
     fields = [generator.field for generator in generators]
     if any(map(is_curved, fields)):
         return [], series(fields), bracket.logarithmic
@@ -439,7 +439,7 @@ FROM = 13  #: components from which on a system has tables
 _MOST, _SHAPES = 12, 60  # components of a row, and shapes
 _LONG = 400  # operations of the slopes of a noise
 
-Group = tuple[int, int, tuple[tuple[int, ...], ...]]  #: (shape, how many components it moves, rows)
+FlowGroup = tuple[int, int, tuple[tuple[int, ...], ...]]  #: (shape, how many components it moves, rows)
 
 
 class _Row(NamedTuple):
@@ -461,9 +461,9 @@ class _Shape(NamedTuple):
 
 
 class Tables:
-    """The tables of flows, and the shapes that occur in them."""
+    """Tables of flows, and the shapes that occur in them."""
 
-    def __init__(self, world: Symbolics, names: Mapping[Any, str], numbers: Numbers) -> None:
+    def __init__(self, world: Symbolics, names: Mapping[Any, str], numbers: NumberCode) -> None:
         self.world, self.numbers = world, numbers
         self.local = [sympy.Symbol(f"η{n + 1}", real=True) for n in range(_MOST)]
         self.names = {y: f"y[{n}]" for n, y in enumerate(self.local)}
@@ -472,8 +472,8 @@ class Tables:
         self.shapes: dict[Any, _Shape] = {}
         self.slopes: dict[Any, tuple[int, list[str]]] = {}
 
-    def table(self, moving: Moving, count: int, rates: Sequence[Any], flow: Flow) -> tuple[Group, ...]:
-        """The table of a flow, given its :func:`motions` with `count` parameters; () if it has none."""
+    def table(self, moving: Moving, count: int, rates: Sequence[Any], flow: Flow) -> tuple[FlowGroup, ...]:
+        """Table of a flow, given its :func:`motions` with `count` parameters; () if it has none."""
         blocks, series, logarithmic = moving
         if logarithmic or flow.varying:
             return ()
@@ -516,7 +516,7 @@ class Tables:
         return _Row(made, order, tuple(rates[n].xreplace(inside) for n in parameters))
 
     def _shape(self, row: _Row) -> int:
-        """The number of the shape of a row."""
+        """Number of the shape of a row."""
         made, moves = row.made, [("t", row.rates)]
         writer = Writer(self.names, self.world._replace(variables=tuple(self.local)), {})
         name, angle = "_shape", writer.angle(made, moves)
@@ -570,7 +570,7 @@ class Tables:
         return lines + (method("shape_slopes(model, k, y)", slopes) if slopes else [])
 
     def functions(self) -> list[list[str]]:
-        """The lines of the functions of all shapes."""
+        """Lines of the functions of all shapes."""
         pad = ["0.0"] * self.length
         results = ((shape, [*shape.moved, *pad][: self.length]) for shape in self.shapes.values())
         return [[*shape.function, f"    return {', '.join(result)}"] for shape, result in results]
@@ -635,7 +635,7 @@ class Writer(NamedTuple):
 
 
 def _angles(moves: Moves, codes: Sequence[str], places: Sequence[int]) -> list[str]:
-    """The angles at these places, each the sum of times and rates; `codes` are the rates of all moves in turn."""
+    """Angles at these places, each the sum of times and rates; `codes` are the rates of all moves in turn."""
     angles = []
     for n in places:
         terms = [(t, codes[m * len(rates) + n]) for m, (t, rates) in enumerate(moves)]
@@ -686,7 +686,7 @@ def _leader(first: Flow, second: Flow) -> Flow | None:
 
 
 def motion_function(name: str, made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -> list[str]:
-    """The lines of the function of a motion; `uses` says whether it is given the model."""
+    """Lines of the function of a motion; `uses` says whether it is given the model."""
     parameters = [*["model"] * uses, "angles", *(f"a{n + 1}" for n in range(len(by))), "y"]
     head = f"def {name}({', '.join(parameters)}):"
     return ["", "@device", head, _said(made, by, uses, bracket), *_whole(made, bracket)]
@@ -703,7 +703,7 @@ def _said(made: Motion, by: Sequence[Generator], uses: bool, bracket: Bracket) -
 
 
 def _whole(made: Motion, bracket: Bracket) -> list[str]:
-    """The lines of a motion, from the components of y to the new ones."""
+    """Lines of a motion, from the components of y to the new ones."""
     d, used = bracket.dimension, words_in("\n".join(made.lines))
     zero = bracket.logarithmic.intersection(made.components)
     needed = [i for i in range(d) if f"y{i + 1}" in used or i not in made.components]

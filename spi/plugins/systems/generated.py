@@ -33,7 +33,7 @@ class Made(NamedTuple):
 
 
 def made(definition: Mapping[str, Any], name: str) -> Made:
-    """The model of a definition, with a class of this name; DefinitionError if the definition has a mistake.
+    """Model of a definition, with a class of this name; DefinitionError if the definition has a mistake.
 
     Models are cached beside the stored modules.
     """
@@ -65,7 +65,7 @@ def record(
 
 
 def strengths(definition: Mapping[str, Any], given: Any) -> list[float]:
-    """The strengths of the noises of a definition, see :func:`.definition.strengths`."""
+    """Strengths of the noises of a definition, see :func:`.definition.strengths`."""
     from .definition import strengths
 
     return strengths(definition, given)
@@ -126,7 +126,7 @@ def described(facts: Mapping[str, Any]) -> Callable[[type], type]:
         return why
 
     def observables(model: Any) -> Mapping[str, Callable[[np.ndarray], np.ndarray]]:
-        return Observables(_made_of(model)[1])
+        return CurrentObservables(_made_of(model)[1])
 
     def report(model: Any, y: Sequence[float]) -> list[str]:
         """Flows, merged terms, Casimir functions."""
@@ -141,8 +141,8 @@ def described(facts: Mapping[str, Any]) -> Callable[[type], type]:
     return decorate
 
 
-class Observables(Mapping[str, Callable[[np.ndarray], np.ndarray]]):
-    """The current of energy of a system, see ``currents``, which is derived when it is first asked for."""
+class CurrentObservables(Mapping[str, Callable[[np.ndarray], np.ndarray]]):
+    """Current of energy of a system, see ``currents``, which is derived when it is first asked for."""
 
     def __init__(self, definition: str) -> None:
         self.definition = definition  #: as JSON
@@ -172,7 +172,7 @@ def _energy_current(definition: str) -> Callable[[np.ndarray], np.ndarray] | Non
 
 @functools.cache
 def _digest_of_makers() -> str:
-    """The digest of the code that makes modules from definitions."""
+    """Digest of the code that makes modules from definitions."""
     return digest_of(sources("checks", "expressions", "plugins/systems"))
 
 

@@ -17,7 +17,7 @@ import numpy as np
 import sympy
 
 from .brackets import DIGITS, Symbolics, monomials
-from .code import Numbers
+from .code import NumberCode
 from .driving import split_in_time
 from .flow_code import generators, motion, motions
 from .rows import connected
@@ -47,14 +47,14 @@ _COMPONENT, _FUNCTION, _NORMAL = 1, 20, 40
 
 
 class Split(NamedTuple):
-    """The flows of H, and the sums of terms that might have been joined."""
+    """Flows of H, and the sums of terms that might have been joined."""
 
     flows: list[Flow]
     apart: list[tuple[Any, str]]  #: (sum, why its terms have flows of their own)
 
 
 def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> Split:
-    """The flows into which a sum splits, in the order of its addends; the last may be that of all that has none."""
+    """Flows into which a sum splits, in the order of its addends; the last may be that of all that has none."""
     terms, crossing, lacking = parts(addends, world)
     apart, groups = [], _candidates(terms, crossing, world)
     while groups:
@@ -80,7 +80,7 @@ def split(addends: Sequence[Any], world: Symbolics, constants: Constants) -> Spl
 
 
 def _with_whole(terms: Sequence[Term], own: Sequence[Term], whole: Term) -> list[Term]:
-    """The terms with their sum in the place of the first of its own, or at the end if it has none."""
+    """Terms with their sum in the place of the first of its own, or at the end if it has none."""
     place = terms.index(own[0]) if own else len(terms)
     before, behind = ([term for term in side if term not in own] for side in (terms[:place], terms[place:]))
     return [*before, whole, *behind]
@@ -107,7 +107,7 @@ def _candidates(terms: Sequence[Term], crossing: Sequence[Any], world: Symbolics
 
 
 def _linked(expressions: Sequence[Any], world: Symbolics) -> Iterable[tuple[int, ...]]:
-    """The numbers of each expression by itself, and of each pair with variables whose bracket is not 0."""
+    """Numbers of each expression by itself, and of each pair with variables whose bracket is not 0."""
     users: dict[int, list[int]] = {}
     for n, expression in enumerate(expressions):
         yield (n,)
@@ -185,9 +185,9 @@ def _lost(block: Block) -> float:
 
 
 def _time(flow: Flow, world: Symbolics) -> float:
-    """The time that a flow takes, in additions."""
+    """Time that a flow takes, in additions."""
     by = generators(flow, world)
-    made = motion(*motions(by, world.bracket), len(by), Numbers(), flow.varying)
+    made = motion(*motions(by, world.bracket), len(by), NumberCode(), flow.varying)
     text = " ".join(made.lines)
     time = _COMPONENT * len(made.components) + len(re.findall(r" [-+*/] ", text)) + 3 * text.count("times(")
     if rates := [generator.rate for generator in by if world.used(generator.rate)]:

@@ -1,4 +1,4 @@
-"""The keys of a definition, and the error about one; without the heavy imports of their readers."""
+"""Keys of a definition, and the error about one; without the heavy imports of their readers."""
 
 from types import MappingProxyType
 from typing import Any

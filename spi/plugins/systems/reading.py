@@ -31,7 +31,7 @@ _ALLOWED = (*KEYS, "system", "name", *OTHERS, "sigma")
 
 
 def read(data: Mapping[str, Any], files: Files) -> Any:
-    """The record of the model of a system; raises the error about a key of `data`."""
+    """Record of the model of a system; raises the error about a key of `data`."""
     if absent := next((key for key in data if lacking("definitions", key)), None):
         raise wrong(f"is {shown(data[absent])}", f"{lacking('definitions', absent)}", absent)
     check_keys(data, _ALLOWED, elsewhere=OUTSIDE)
@@ -53,7 +53,7 @@ def read(data: Mapping[str, Any], files: Files) -> Any:
 
 
 def in_file(path: Any, files: Files) -> Mapping[str, Any]:
-    """The keys of a system in the file at this path; raises the error about the key ``system``."""
+    """Keys of a system in the file at this path; raises the error about the key ``system``."""
     data: Mapping[str, Any] = _document(path, files).data
     return data
 
@@ -76,7 +76,7 @@ def _is_name(word: str) -> bool:
 
 
 def _document(path: Any, files: Files) -> Document:
-    """The file of a system."""
+    """File of a system."""
     if not isinstance(path, str):
         raise wrong(f"is {shown(path)}", "must be the path of a YAML file, seen from the folder of this one", "system")
     text = files.text(path, "system")

@@ -16,7 +16,7 @@ def connected(links: Iterable[Iterable[int]]) -> list[set[int]]:
 
 
 def echelon(rows: Iterable[Mapping[int, Any]], tiny: mpmath.mpf) -> dict[int, dict[int, Any]]:
-    """The span of rows by pivot, each row with 1 at its pivot, its largest entry (of equal ones the first).
+    """Span of rows by pivot, each row with 1 at its pivot, its largest entry (of equal ones the first).
 
     All other rows have 0 there; entries up to `tiny` are 0.
     """

@@ -11,7 +11,7 @@ import sympy
 
 from . import flow_code
 from .brackets import DIGITS, Bracket, Function, Symbolics, precise
-from .code import Formula, Numbers, as_tuple, method, signed, written_sum
+from .code import Formula, NumberCode, as_tuple, method, signed, written_sum
 from .driving import Coefficients, Driving
 from .flow_code import motions
 from .spectrum import Inseparable
@@ -38,13 +38,13 @@ class System(NamedTuple):
 # Source of the methods of a model besides its flows: B v, H, gradients and their derivatives.
 # ---------------------------------------------------------------------------------------------------------------------
 
-Term = tuple[str, str]  #: (sign, code)
+TextTerm = tuple[str, str]  #: (sign, code)
 Moved = tuple[Any, list[Any]]  #: of a flow: the key of its motion, or a reason why there is none; its rates
 
 
 def structure_code(bracket: Bracket, names: Mapping[Any, str], columns: Iterable[int], at: str = "y") -> str:
     """B(y) v as a tuple, for a v that is 0 outside of some columns; `names` are those of parameters."""
-    used, rows = set(columns), dict[int, list[Term]]()
+    used, rows = set(columns), dict[int, list[TextTerm]]()
     for i, j in bracket.entries:
         for row, column, sign in ((i, j, 1), (j, i, -1)):
             if column in used:
@@ -58,7 +58,7 @@ def structure_code(bracket: Bracket, names: Mapping[Any, str], columns: Iterable
 
 def lie_bracket_code(bracket: Bracket, names: Mapping[Any, str]) -> str:
     """[v, w], the gradient of w . B(y) v = sum_{i < j} {y_i, y_j} (w_i v_j - w_j v_i), as a tuple."""
-    rows = dict[int, list[Term]]()
+    rows = dict[int, list[TextTerm]]()
     for i, j in bracket.entries:
         product = f"(w[{i}] * v[{j}] - w[{j}] * v[{i}])"
         for k, term in _terms(bracket, names, i, j, 1, lambda k, product=product: product):  # type: ignore[misc]
@@ -68,7 +68,7 @@ def lie_bracket_code(bracket: Bracket, names: Mapping[Any, str]) -> str:
 
 def _terms(
     bracket: Bracket, names: Mapping[Any, str], i: int, j: int, sign: int, factor: Callable[[int], str]
-) -> list[tuple[int, Term]]:
+) -> list[tuple[int, TextTerm]]:
     """(k, term) of {y_i, y_j}, or of its negative, with this factor in the place of each y_k."""
     if formulas := bracket.formulas.get((i, j)):
         writer = Formula(names, ())
@@ -110,7 +110,7 @@ class Derivatives:
     # ---- B v -------------------------------------------------------------------------------------------------------
 
     def structure(self) -> list[str]:
-        """The method for B v, and that for its derivative where B is not linear."""
+        """Method for B v, and that for its derivative where B is not linear."""
         every = range(self.bracket.dimension)
         if self.bracket.is_lie:
             lines = method("structure(model, y, v)", {0: [f"return {structure_code(self.bracket, self.given, every)}"]})
@@ -132,13 +132,13 @@ class Derivatives:
         return lines
 
     def rows(self, columns: Iterable[int]) -> list[Any]:
-        """The components of B(y) v as formulas, for a v that is 0 outside of some columns."""
+        """Components of B(y) v as formulas, for a v that is 0 outside of some columns."""
         world = self.system.world
         rates = world.rates({j: self.v[j] for j in columns})
         return [world.factor(i) * rates.get(i, 0) for i in range(self.bracket.dimension)]
 
     def rows_along(self, columns: Iterable[int]) -> list[Any]:
-        """The components of the derivative of B along u, applied to v."""
+        """Components of the derivative of B along u, applied to v."""
         world, u = self.system.world, dict(enumerate(self.u))
         rates = world.rates({j: self.v[j] for j in columns})
         return [
@@ -150,7 +150,7 @@ class Derivatives:
     # ---- formulas ----------------------------------------------------------------------------------------------------
 
     def along(self, expressions: Sequence[Any], direction: Sequence[Any]) -> list[Any]:
-        """The derivatives of some expressions along a vector."""
+        """Derivatives of some expressions along a vector."""
         return [self.system.world.along(e, dict(enumerate(direction))) for e in expressions]
 
     def word(
@@ -237,9 +237,9 @@ def head(
     name: str,
     variables: Sequence[str],
     inexact: str,
-    numbers: Numbers,
+    numbers: NumberCode,
 ) -> str:
-    """The text before the functions: imports, the system, and numbers of two parts."""
+    """Text before the functions: imports, the system, and numbers of two parts."""
     listed = textwrap.fill(", ".join(variables), 110)
     facts = {"kind": kind, "name": name, "names": variables, "inexact": inexact}
     text = _HEAD.format(variables=listed, **facts)
@@ -269,7 +269,7 @@ def field_names(parameters: Iterable[str], words: Iterable[str]) -> dict[str, st
 
 
 def generate(system: System, name: str, words: Iterable[str]) -> Generated:
-    """The module of a system, with a class of this name; `words` are the names with a meaning in model classes."""
+    """Module of a system, with a class of this name; `words` are the names with a meaning in model classes."""
     with mpmath.workdps(DIGITS):
         return _Generator(system, name, words).generate()
 
@@ -278,7 +278,7 @@ class _Generator:
     def __init__(self, system: System, name: str, words: Iterable[str]) -> None:
         self.name = name
         self.system, self.world, self.bracket = system, system.world, system.world.bracket
-        self.numbers = Numbers()
+        self.numbers = NumberCode()
         words = {*words, "time", "driving"} if system.driving else words
         self.fields = field_names(map(str, self.world.parameters), words)
         self.names = {y: f"y[{n}]" for n, y in enumerate(self.world.variables)}
@@ -331,7 +331,7 @@ class _Generator:
         return [self.coefficients.frozen(e) for e in expressions] if self.coefficients else list(expressions)
 
     def inexact(self, lacking: Mapping[str, Mapping[int, str]]) -> str:
-        """The entry of the module about pieces and noises without an exact flow: {part: {k: (formula, reason)}}."""
+        """Entry of the module about pieces and noises without an exact flow: {part: {k: (formula, reason)}}."""
         of = {"pieces": self.system.flows, "noises": self.system.noises}
         facts = {
             part: {k: (self.world.name(of[part][k].expression), why) for k, why in reasons.items()}
@@ -342,7 +342,7 @@ class _Generator:
     # ---- flows ---------------------------------------------------------------------------------------------------
 
     def moved(self, flow: Flow) -> Moved:
-        """The key of the motion of a flow, and its rates; flows by the same matrices share it.  Or a reason why not."""
+        """Key of the motion of a flow, and its rates; flows by the same matrices share it.  Or a reason why not."""
         if flow.lacking:
             return flow.lacking, []
         parts = flow_code.generators(flow, self.world)
@@ -359,7 +359,7 @@ class _Generator:
         return key, self.frozen(part.rate for part in parts)
 
     def flow_words(self, part: str, flows: Sequence[Flow], moved: Sequence[Moved]) -> list[str]:
-        """The methods ``drift_flow`` and ``drift_angle``, or those of the noise."""
+        """Methods ``drift_flow`` and ``drift_angle``, or those of the noise."""
         heads = f"{part}_flow(model, k, t, y, angles)", f"{part}_angle(model, k, t, y)"
         each = enumerate(zip(flows, moved, strict=True))
         calls = [flow_code.Call(k, key, [("t", rates)], [flow]) for k, (flow, (key, rates)) in each]
@@ -380,7 +380,7 @@ class _Generator:
         return tables.lines(moving_tables[0], moving_tables[1], slopes)
 
     def joint_words(self) -> list[str]:
-        """The trait ``joint_noises`` and the methods ``joint_flow`` and ``joint_angle``, if there are joint flows."""
+        """Trait ``joint_noises`` and the methods ``joint_flow`` and ``joint_angle``, if there are joint flows."""
         flows, noises = self.system.flows, self.system.noises
         grouped, calls = (
             flow_code.families(*([(f, isinstance(self.moved(f)[0], str)) for f in of] for of in (flows, noises))),
@@ -398,7 +398,7 @@ class _Generator:
         return ["", f"joint_noises = ({groups})", *self.writer.words(heads, calls)] if calls else []
 
     def friction_words(self) -> list[str]:
-        """The trait ``linear_friction`` and the method ``friction_bend``, if friction along a noise is linear."""
+        """Trait ``linear_friction`` and the method ``friction_bend``, if friction along a noise is linear."""
         bends: dict[int, Any] = {}
         for k, noise in enumerate(() if self.system.driving else self.system.noises):
             field = self.world.field(noise.expression)
@@ -414,7 +414,7 @@ class _Generator:
     # ---- facts, fields and derivatives ---------------------------------------------------------------------------
 
     def facts(self, lacking: Mapping[str, Mapping[int, str]]) -> list[str]:
-        """The docstring of the class, its fields, and the facts about the system."""
+        """Docstring of the class, its fields, and the facts about the system."""
         return [f'"""{self.description()}"""', "", *self.declarations(), "", *self.traits(lacking)]
 
     def declarations(self) -> list[str]:

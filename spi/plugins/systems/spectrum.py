@@ -83,7 +83,7 @@ class Eigen(NamedTuple):
 
 
 def separated(matrices: Sequence[Any], order: Sequence[int]) -> list[Space]:
-    """The joint eigenspaces, with so many digits and such factors in the mixture that eigenvalues are told apart."""
+    """Joint eigenspaces, with so many digits and such factors in the mixture that eigenvalues are told apart."""
     digits = EIGEN_DIGITS
     for attempt in itertools.count():
         with mpmath.workdps(digits):
@@ -104,7 +104,7 @@ def separated(matrices: Sequence[Any], order: Sequence[int]) -> list[Space]:
 
 
 def _eigenvalues(mixed: Any) -> list[Eigen]:
-    """The eigenvalues, those that are close being one."""
+    """Eigenvalues, those that are close being one."""
     values: list[Any] = []
     for part in _triangular_parts(mixed):
         block = mpmath.matrix([[mixed[i, j] for j in part] for i in part])
@@ -129,7 +129,7 @@ def _eigenvalues(mixed: Any) -> list[Eigen]:
 
 
 def _triangular_parts(mixed: Any) -> list[list[int]]:
-    """The rows of the blocks on the diagonal, where rows and columns are so arranged that all below them is 0."""
+    """Rows of the blocks on the diagonal, where rows and columns are so arranged that all below them is 0."""
     d = mixed.rows
     linked = np.array([[bool(mixed[i, j]) or i == j for j in range(d)] for i in range(d)])
     for _ in range(d.bit_length()):
@@ -157,7 +157,7 @@ def _are_right(spaces: Sequence[Space], most: Any) -> bool:
 
 
 def _space(matrices: Sequence[Any], mixed: Any, eigen: Eigen, order: Sequence[int]) -> Space:
-    """The generalised eigenspace of the mixture, which is that of all."""
+    """Generalised eigenspace of the mixture, which is that of all."""
     d, multiplicity = mixed.rows, eigen.multiplicity
     power = (mixed - eigen.value * mpmath.eye(d)) ** multiplicity  # 0 on this space alone
     left, columns = (  # rows u with u power = 0, and columns
@@ -185,7 +185,7 @@ def _space(matrices: Sequence[Any], mixed: Any, eigen: Eigen, order: Sequence[in
 
 
 def _multiplied(shear: Sequence[tuple[int, int, Any]], product: Mapping[tuple[int, int], Any]) -> dict[Any, Any]:
-    """The entries, (row, column) -> number, of the product of two matrices."""
+    """Entries, (row, column) -> number, of the product of two matrices."""
     entries = added(
         ((row, column), c * factor)
         for row, middle, c in shear
@@ -250,14 +250,14 @@ class Block(NamedTuple):
 
 
 def blocks(matrices: Sequence[Matrix]) -> list[Block]:
-    """The blocks of components that commuting matrices move together."""
+    """Blocks of components that commuting matrices move together."""
     links = [place for entries in matrices for place in entries]
     with mpmath.workdps(EIGEN_DIGITS):
         return [_block(group, matrices) for group in connected(links)]
 
 
 def _block(group: set[int], matrices: Sequence[Matrix]) -> Block:
-    """The block of a group of linked components."""
+    """Block of a group of linked components."""
     order = sorted(group)
     parts = [{p: c for p, c in entries.items() if p[0] in group} for entries in matrices]
     dense = [_dense(entries, order) for entries in parts]
@@ -303,7 +303,7 @@ def _turn(entries: Matrix, order: Sequence[int]) -> tuple[Matrix, mpmath.mpf] | 
 
 
 def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int]) -> float:
-    """The factor by which the terms that a motion adds up exceed their sum, over a time of 1 over the largest rate.
+    """Factor by which the terms that a motion adds up exceed their sum, over a time of 1 over the largest rate.
 
     The contribution of one component to another is taken to be 1, or the entry of (1 - |M|/m)^-1 if that is more: |M|
     is the sum of the matrices without their signs, m twice its spectral radius.
@@ -319,7 +319,7 @@ def loss(spaces: Sequence[Space], matrices: Sequence[Any], order: Sequence[int])
 
 
 def sizes(space: Space, time: float, order: Sequence[int]) -> np.ndarray:
-    """The sizes of the terms by which each component moves with each other, an array (component, component)."""
+    """Sizes of the terms by which each component moves with each other, an array (component, component)."""
     left, right = (np.abs(_by_component(rows, order)) for rows in (space.left, space.right))
     inner = min(1.0, time * sum(float(abs(x)) for x in (*space.rates, *space.phases))) * np.eye(len(left))
     for shear in space.shears:

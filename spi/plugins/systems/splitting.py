@@ -1,4 +1,4 @@
-"""The splitting of a Hamiltonian into functions of linear functions that commute, whose flows are exact.
+"""Splitting of a Hamiltonian into functions of linear functions that commute, whose flows are exact.
 
 If {l_a, l_b} = 0 for all a, b, the flow of f(l_1, ..., l_r) keeps each l_a, so that its field is linear along the flow:
 y' = sum_a (df/dl_a)(l(y)) M_a y with the constant matrices M_a of the fields of l_a.  So it is with quadratic functions
@@ -20,9 +20,9 @@ from .brackets import (
     DIGITS,
     NOTHING,
     Bracket,
-    Field,
     Monomial,
     Symbolics,
+    VectorField,
     degree_of,
     is_curved,
     merged_powers,
@@ -52,7 +52,7 @@ class NowhereFinite(NoExactFlow):
 
 
 def functionals_of(expression: Any, world: Symbolics) -> Span:
-    """The fewest linear functions that an expression depends on: the span of its gradients, at random points."""
+    """Fewest linear functions that an expression depends on: the span of its gradients, at random points."""
     used = world.used(expression)
     coordinates = tuple({i: mpmath.mpf(1)} for i in used)
     if len(used) == 1 or (_is_monomial(expression) and not world.bracket.logarithmic.intersection(used)):
@@ -71,7 +71,7 @@ def _is_monomial(expression: Any) -> bool:
 
 
 def _gradients(expression: Any, used: Sequence[int], world: Symbolics) -> list[Functional]:
-    """The gradients of an expression at random points, without those where it is not defined.
+    """Gradients of an expression at random points, without those where it is not defined.
 
     Where a root or a logarithm is complex, its gradient depends on the same functions as where it is real.
     """
@@ -115,7 +115,7 @@ def form_text(functional: Functional, names: Sequence[str]) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 #: What a coordinate is moved by: factors by (monomial of the a_a, monomial of the w_i).
-Series = dict[tuple[Monomial, Monomial], mpmath.mpf]
+PairSeries = dict[tuple[Monomial, Monomial], mpmath.mpf]
 _MOST_TERMS, _LONGEST = 24, 500  # of a series, and monomials of a term
 
 
@@ -123,30 +123,30 @@ class EndlessSeries(ValueError):
     """A series has more terms, or longer ones, than are looked at."""
 
 
-def series(fields: Sequence[Field]) -> dict[int, Series]:
+def series(fields: Sequence[VectorField]) -> dict[int, PairSeries]:
     """By how much each coordinate is moved that is moved at all, X w_i + X^2 w_i / 2 + ...; or EndlessSeries."""
     rows = _first(fields)
     with mpmath.workdps(DIGITS):
         return {row: _summed(motion, rows) for row, motion in rows.items()}
 
 
-def constant_rates(fields: Sequence[Field]) -> tuple[dict[int, Series], list[Field]]:
+def constant_rates(fields: Sequence[VectorField]) -> tuple[dict[int, PairSeries], list[VectorField]]:
     """(how coordinates are moved that move at constant rates and move no others, the fields without them)."""
     others = {n for field in fields for row, monomial in field if monomial for n in (row, *monomial)}
     steady = [{place: c for place, c in field.items() if place[0] not in others} for field in fields]
     return _first(steady), [{place: c for place, c in field.items() if place[0] in others} for field in fields]
 
 
-def _first(fields: Sequence[Field]) -> dict[int, Series]:
+def _first(fields: Sequence[VectorField]) -> dict[int, PairSeries]:
     """sum_n a_n X_n w_i for each coordinate w_i that is moved."""
-    rows: dict[int, Series] = {}
+    rows: dict[int, PairSeries] = {}
     for n, field in enumerate(fields):
         for (row, monomial), c in field.items():
             rows.setdefault(row, {})[(n,), monomial] = c
     return rows
 
 
-def _summed(first: Series, rows: Mapping[int, Series]) -> Series:
+def _summed(first: PairSeries, rows: Mapping[int, PairSeries]) -> PairSeries:
     terms, n, term = [*first.items()], 1, first
     while term := _along(term, rows):
         n += 1
@@ -156,7 +156,7 @@ def _summed(first: Series, rows: Mapping[int, Series]) -> Series:
     return summed(terms)
 
 
-def _along(function: Series, rows: Mapping[int, Series]) -> Series:
+def _along(function: PairSeries, rows: Mapping[int, PairSeries]) -> PairSeries:
     """X f."""
     return summed(
         ((tuple(sorted(times + more)), tuple(sorted(monomial[:place] + monomial[place + 1 :] + other))), factor * c)
@@ -166,7 +166,8 @@ def _along(function: Series, rows: Mapping[int, Series]) -> Series:
     )
 
 
-Parts = tuple[list["Term"], list[Any]]  #: (terms with exact flows, products y_i y_j of components that do not commute)
+#: (terms with exact flows, products y_i y_j of components that do not commute)
+TermParts = tuple[list["Term"], list[Any]]
 
 
 class Quadratic(NamedTuple):
@@ -177,10 +178,10 @@ class Quadratic(NamedTuple):
     """
 
     function: Any  #: u in the variables
-    terms: Series  #: the same as a polynomial
+    terms: PairSeries  #: the same as a polynomial
     form: Any = sympy.S.Zero  #: Q(s) in the variables
     factor: Any = sympy.S.One  #: the component
-    field: Field = MappingProxyType({})  #: the affine field; none that does not vanish where there is a form
+    field: VectorField = MappingProxyType({})  #: the affine field; none that does not vanish where there is a form
 
 
 class Term(NamedTuple):
@@ -195,7 +196,7 @@ class Term(NamedTuple):
     joined: int = 0  #: of how many terms it is the sum that do not commute, see ``joining``
 
     def slope(self, symbol: Any) -> Any:
-        """The derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
+        """Derivative by a variable, Casimir functions being kept, or by the symbol of a quadratic function."""
         outer = self.outer if self.inner else self.expression
         inner = [sympy.diff(outer, s) * sympy.diff(u.form, symbol) for s, u in self.inner.items()]
         total = sympy.Add(sympy.diff(outer, symbol), *inner)
@@ -241,7 +242,7 @@ class Flow(NamedTuple):
         return f"{count} terms merged, {joined} of them joined"
 
     def slope(self, symbol: Any) -> Any:
-        """The derivative by a variable, Casimir functions being kept."""
+        """Derivative by a variable, Casimir functions being kept."""
         return sympy.Add(*(term.slope(symbol) for term in self.terms))
 
     def reduced(self) -> Span:
@@ -250,7 +251,7 @@ class Flow(NamedTuple):
 
 
 def single(expression: Any, world: Symbolics) -> Term:
-    """The term that an expression is; NoExactFlow if it is none."""
+    """Term that an expression is; NoExactFlow if it is none."""
     functionals, pivots = functionals_of(expression, world)
     for first, second in itertools.combinations(functionals, 2):
         if not world.bracket.commuting(first, second):
@@ -339,8 +340,8 @@ def merged(terms: Iterable[Term], bracket: Bracket) -> list[Flow]:
     return [Flow(tuple(flow)) for _, flow in flows]
 
 
-def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False) -> Parts:
-    """The terms and products that a sum consists of; NoExactFlow if an addend is neither.
+def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False) -> TermParts:
+    """Terms and products that a sum consists of; NoExactFlow if an addend is neither.
 
     Addends of an expanded sum are no functions of quadratic functions: (q^2 + p^2)^2 as a whole is better.
     """
@@ -375,7 +376,7 @@ def _terms(addends: Sequence[Any], world: Symbolics, are_expanded: bool = False)
 
 
 def _written_parts(addend: Any, world: Symbolics) -> list[Any]:
-    """The addends of a sum times factors, as they are written; none of other expressions."""
+    """Addends of a sum times factors, as they are written; none of other expressions."""
     sums = [f for f in sympy.Mul.make_args(addend) if f.is_Add and world.used(f)]
     if len(sums) != 1:
         return []
@@ -392,7 +393,7 @@ def _is_square_within(expression: Any, components: set[int], factor: Any, world:
 
 
 def _diagonalised(form: Any, components: set[int], factor: Any, world: Symbolics, constants: Constants) -> list[Term]:
-    """The quadratic form, of these components only, as squares of linear functions, its principal axes; with a factor.
+    """Quadratic form, of these components only, as squares of linear functions, its principal axes; with a factor.
 
     The factor, 1 or a function of time alone, is that of all of them.
     """
@@ -461,7 +462,7 @@ def _replaced(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any:
 
 
 def _joined_operands(e: Any, world: Symbolics) -> list[Any]:
-    """The operands of an expression, with quadratic functions in one: the low terms of a sum, q^3 p^3 as (q p)^3."""
+    """Operands of an expression, with quadratic functions in one: the low terms of a sum, q^3 p^3 as (q p)^3."""
     parts = list(e.args)
     if e.is_Add:
         low = [part for part in parts if degree(part, world) <= 2]
@@ -470,7 +471,7 @@ def _joined_operands(e: Any, world: Symbolics) -> list[Any]:
 
 
 def _paired(parts: list[Any], world: Symbolics) -> list[Any]:
-    """The factors of a product, with the same power of two linear functions as one of their product."""
+    """Factors of a product, with the same power of two linear functions as one of their product."""
     powers = [part.as_base_exp() for part in parts]
     for n in dict.fromkeys(n for _, n in powers):
         pair = [base for base, m in powers if m == n and degree(base, world) == 1]
@@ -481,7 +482,7 @@ def _paired(parts: list[Any], world: Symbolics) -> list[Any]:
 
 
 def degree(e: Any, world: Symbolics) -> Any:
-    """The degree of a polynomial; infinity for another function."""
+    """Degree of a polynomial; infinity for another function."""
     return sympy.Poly(e, *world.variables).total_degree() if e.is_polynomial(*world.variables) else sympy.oo
 
 
@@ -507,13 +508,13 @@ def _of_degree_two(e: Any, world: Symbolics, inner: dict[Any, Quadratic]) -> Any
 
 
 def _symbol_of(u: Quadratic, inner: Mapping[Any, Quadratic]) -> Any:
-    """The symbol that stands for a quadratic function, a new one unless it has one in `inner`."""
+    """Symbol that stands for a quadratic function, a new one unless it has one in `inner`."""
     symbol = next((s for s, other in inner.items() if other.function == u.function), None)
     return symbol or sympy.Symbol(f"ζ{len(inner) + 1}", real=True)
 
 
 def _quadratic(u: Any, world: Symbolics, **more: Any) -> Quadratic:
-    """The function with its polynomial and what else is known of it."""
+    """Function with its polynomial and what else is known of it."""
     numbers = monomials(u.xreplace(dict(world.parameters)), world.variables)
     return Quadratic(u, {((), monomial): precise(c) for monomial, c in numbers.items()}, **more)
 
@@ -540,7 +541,7 @@ def affine_rates(rates: Mapping[int, Any], world: Symbolics) -> tuple[Any, dict[
 
 
 def by_affine_field(u: Any, world: Symbolics) -> Quadratic | None:
-    """The function with its affine field and the factor of that, if it has one."""
+    """Function with its affine field and the factor of that, if it has one."""
     if (found := affine_rates(rates_of(u, world, world.parameters), world)) is None:
         return None
     terms = ((row, monomials(change, world.variables)) for row, change in found[1].items())
@@ -549,7 +550,7 @@ def by_affine_field(u: Any, world: Symbolics) -> Quadratic | None:
 
 
 def _by_kept(u: Any, world: Symbolics) -> Quadratic | None:
-    """The function as Q(s) + C, if it is one; exact, so that all factors must be fractions."""
+    """Function as Q(s) + C, if it is one; exact, so that all factors must be fractions."""
     bracket, variables, rates = world.bracket, world.variables, rates_of(u, world, world.parameters)
     linked = connected({*pair}.union(*entry) for pair, entry in bracket.entries.items())
     within = set().union(*(part for part in linked if part & {*world.used(u)})) - bracket.logarithmic

@@ -1,4 +1,4 @@
-"""The text of an experiment with a system, for `spi new --system`."""
+"""Text of an experiment with a system, for `spi new --system`."""
 
 from pathlib import Path
 

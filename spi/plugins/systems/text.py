@@ -12,7 +12,7 @@ _NAME = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 
 
 class Symbols(Exact):
-    """The meaning of the grammar in expressions of sympy, those of variables, parameters and the time among them.
+    """Meaning of the grammar in expressions of sympy, those of variables, parameters and the time among them.
 
     `variables` and `parameters` map names, such as "x(1)", to symbols; `indices` are words with whole values, the sizes
     of the system and the indices of ranges.
@@ -49,7 +49,7 @@ class Symbols(Exact):
 
 
 def addends(text: str, algebra: Symbols) -> list[Any]:
-    """The addends of a text, in its order, those of a ``sum(...)`` one after the other."""
+    """Addends of a text, in its order, those of a ``sum(...)`` one after the other."""
     terms = []
     for sign, part in _signed(text):
         start = part.find("(")
@@ -63,7 +63,7 @@ def addends(text: str, algebra: Symbols) -> list[Any]:
 
 
 def _signed(text: str) -> list[tuple[str, str]]:
-    """The parts of a sum, each with its sign; the sign of a factor or in a literal such as 1e-3 does not separate."""
+    """Parts of a sum, each with its sign; the sign of a factor or in a literal such as 1e-3 does not separate."""
     signed_parts, before, of_factor = [["+", ""]], "", False
     for n, (c, outer) in enumerate(zip(text, outside(text), strict=True)):
         if not c.isspace():
@@ -79,7 +79,7 @@ def _signed(text: str) -> list[tuple[str, str]]:
 
 
 def names(text: str, algebra: Symbols) -> list[str]:
-    """The names in an entry such as ``P1`` or ``x(i), y(i) for i = 1..n``."""
+    """Names in an entry such as ``P1`` or ``x(i), y(i) for i = 1..n``."""
     names = []
     for body, inner in repeated(text, algebra):
         for part in parts(body):

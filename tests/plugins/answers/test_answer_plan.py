@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from spi.plugins.answers.kinds.answer import study
-from spi.plugins.answers.kinds.answer.decisions import Decisions, Stage, Way
+from spi.plugins.answers.kinds.answer.decisions import Decisions, SolveOrSample, Stage
 from spi.plugins.answers.kinds.answer.sets import LEVELS, SETS, Role, SetOf, all_sets, no_samples
 from spi.plugins.answers.kinds.answer.solving import SURE, why
 from spi.printing import short
@@ -45,11 +45,11 @@ def decided(monkeypatch, refiner, per_sample, accuracy, seconds=1e30):
         return state.extra._replace(stage=Stage.WHOLE, work=sampling, aim=aim)
 
     monkeypatch.setattr(study.AnswerPlan, "_after_pilot", after_pilot)
-    while extra.stage != Stage.DONE and not (extra.way == Way.SAMPLING and extra.stage == Stage.WHOLE):
+    while extra.stage != Stage.DONE and not (extra.way == SolveOrSample.SAMPLING and extra.stage == Stage.WHOLE):
         assert extra.stage == Stage.PILOT
         extra = plan.next_allocation(SimpleNamespace(extra=extra))
     solved = refiner.takes * sum(refiner.seconds[: len(extra.refined)])
-    return extra, solved + (sampling if extra.way == Way.SAMPLING else 0.0)
+    return extra, solved + (sampling if extra.way == SolveOrSample.SAMPLING else 0.0)
 
 
 @pytest.mark.parametrize("growth", [1.5, 3.0, 10.0])
@@ -62,7 +62,7 @@ def test_a_smaller_accuracy_never_takes_less_than_a_tenth(monkeypatch, growth):
         takes = np.array([one[1] for one in found])
         assert (takes[1:] >= 0.1 * np.maximum.accumulate(takes)[:-1]).all(), (falls, first, per_sample, takes)
         ways |= {extra.way for extra, _ in found}
-    assert ways == {Way.SOLVING, Way.SAMPLING}
+    assert ways == {SolveOrSample.SOLVING, SolveOrSample.SAMPLING}
 
 
 @pytest.mark.parametrize(
@@ -73,7 +73,7 @@ def test_the_cheaper_is_chosen_and_both_are_said(monkeypatch, first, per_sample,
     accuracy = 1e-3
     refiner = Refiner(first, 3.0, 0.1)
     extra, takes = decided(monkeypatch, refiner, per_sample, accuracy)
-    assert (extra.way == Way.SOLVING) == solves
+    assert (extra.way == SolveOrSample.SOLVING) == solves
     needed = sum(refiner.seconds[:4])  # of which an error of 1e-3 at a kink can be told
     sampling = per_sample / accuracy**2
     assert takes <= 1.5 * min(needed, sampling) or takes <= 1.5 * SURE + sampling
@@ -94,7 +94,7 @@ def test_where_neither_reaches_it_the_better_is_the_answer(monkeypatch):
     """Refinements end at an error of 0.08, and sampling may take 100 seconds."""
     refiner = Refiner(4.0, 1.2, 0.99)
     refiner.seconds = refiner.seconds[:5]
-    for per_sample, way in ((1e-3, Way.SAMPLING), (1e4, Way.SOLVING)):
+    for per_sample, way in ((1e-3, SolveOrSample.SAMPLING), (1e4, SolveOrSample.SOLVING)):
         extra, _ = decided(monkeypatch, refiner, per_sample, 1e-3, 100.0)
         assert extra.way == way
     assert "does not reach it" in why(extra, 1e-3)
@@ -111,7 +111,7 @@ def test_a_smaller_accuracy_never_gives_a_wider_interval(monkeypatch, growth, se
             extra, _ = decided(monkeypatch, refiner, per_sample, accuracy, seconds)
             plan = study.AnswerPlan(case=SimpleNamespace(accuracy=accuracy), part=None)
             bound = float(plan.prospect(extra)[0].bound.max())
-            halves.append(min(bound, extra.aim if extra.way == Way.SAMPLING else np.inf))
+            halves.append(min(bound, extra.aim if extra.way == SolveOrSample.SAMPLING else np.inf))
         best = np.minimum.accumulate(np.maximum(halves, accuracies))
         assert (np.array(halves[1:]) <= 1.001 * best[:-1]).all(), (falls, first, per_sample, halves)
         unreached += int((np.array(halves) > accuracies).sum())

@@ -15,13 +15,14 @@ from helpers import COMPILED
 from states import sums_files
 
 from spi import storage
+from spi.cli import app
 from spi.cli.running import _seconds
 from spi.numerics.rng import LANES
 from spi.plugins.clusters.command import DASK
 from spi.plugins.clusters.running import shards
 from spi.running import run as runner
 from spi.running import workers
-from spi.running.checkpoint import Checkpoint, Shard
+from spi.running.checkpoint import MOST_SHARDS, Checkpoint, Shard
 from spi.running.run import Limits, Watch, load
 from spi.statistics import tallies
 
@@ -350,3 +351,11 @@ def test_chunks_are_told_apart_by_their_numbers(tmp_path):
     assert [line.rsplit(" ", 1)[0] for line in one] == [line.rsplit(" ", 1)[0] for line in two]
     assert not set(one) & set(two)
     assert np.unique([line.rsplit(" ", 1)[1] for line in one]).size == len(one)
+
+
+@pytest.mark.parametrize("text", ["", "5/4", "one"])
+def test_what_is_no_shard_is_refused(text, capfd):
+    """An option that is given without a value is no option that is left out."""
+    assert app(["run", "rigid_body_strong", "--shard", text], standalone_mode=False) == 2
+    message = f"spi: --shard: is '{text}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4\n"
+    assert capfd.readouterr() == ("", message)

@@ -10,7 +10,7 @@ from work_results import H, work_group, work_results
 
 from spi.plugins.comparisons.kinds.work_precision.results import WorkPrecision, requested
 from spi.printing.text import duration
-from spi.storage import Results
+from spi.storage import StoredResults
 
 
 def test_requested_errors_of_all_schemes_are_asked_for():
@@ -35,7 +35,7 @@ def test_answers_at_the_largest_step():
     groups = [work_group("one", scheme, noisy=False) for scheme in ("splitting", "midpoint", "splitting_order2")]
     for group in groups:
         group.attributes["targets"] = (10.0, 0.19)
-    text = printed(Results({"kind": "work_precision"}, tuple(groups)))
+    text = printed(StoredResults({"kind": "work_precision"}, tuple(groups)))
     (found,) = answers(text)
     assert found["10"].split() == ["10", "splitting", "2^-3", "≤", "68.0", "ns", "1", "(7.2)", "(1.65)"]
     assert found["0.19"].split() == ["0.19", "splitting", "2^-3.1", "71.2", "ns", "1", "≤", "6.9", "≤", "1.57"]
@@ -54,7 +54,7 @@ def test_bounds_are_not_widened(exact, told):
         values |= dict.fromkeys([f"seconds_per_path{end}" for end in ("", "_low", "_high")], 1e-8 * factor / H)
         group.variables.update((name, (("h",), value)) for name, value in values.items())
         group.attributes.update(targets=(1e-3,))
-    (found,) = answers(printed(Results({"kind": "work_precision"}, tuple(groups))))
+    (found,) = answers(printed(StoredResults({"kind": "work_precision"}, tuple(groups))))
     assert found["0.001"].split("1  ")[-1].strip() == told
 
 

@@ -4,8 +4,8 @@ import numpy as np
 from made_up import group_of
 
 from spi.plugins.dynamics.kinds.equilibrium.results import Averages, Equilibrium
-from spi.plugins.dynamics.kinds.growth.results import Growth, Law
-from spi.storage import Order, Results
+from spi.plugins.dynamics.kinds.growth.results import Growth, StationaryLaw
+from spi.storage import Order, StoredResults
 
 LABELS = {"euler_maruyama": "Euler-Maruyama", "midpoint": "midpoint", "splitting": "splitting"}
 VARIABLES = ("y1", "y2", "y3", "H")
@@ -46,7 +46,7 @@ def _law():
     exact, each = 1 / (1 + np.arange(len(MOMENTS))), np.ones((3, len(VARIABLES)))
     z = np.random.default_rng(1).standard_normal((3, len(MOMENTS)))
     fraction = 0.05 + 1e-3 * np.random.default_rng(2).standard_normal((3, len(VARIABLES), 20))
-    return Law(
+    return StationaryLaw(
         variables=VARIABLES,
         moments=MOMENTS,
         fraction=fraction,
@@ -100,8 +100,8 @@ def equilibrium_group(scheme, quantities=None, **more):
 
 
 def growth(*groups):
-    return Results({"kind": "growth", "title": "Long times"}, groups)
+    return StoredResults({"kind": "growth", "title": "Long times"}, groups)
 
 
 def equilibrium(*groups):
-    return Results({"kind": "equilibrium", "title": "Means"}, groups)
+    return StoredResults({"kind": "equilibrium", "title": "Means"}, groups)

@@ -19,7 +19,7 @@ from spi.ensemble.protocol import hamiltonian
 from spi.numerics.rng import LANES
 from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
 from spi.plugins.dynamics.kinds.equilibrium.figure import PANELS
-from spi.plugins.dynamics.kinds.equilibrium.means import Series, _order
+from spi.plugins.dynamics.kinds.equilibrium.means import SnapshotSeries, _order
 from spi.plugins.dynamics.kinds.equilibrium.references import known_laws
 from spi.plugins.dynamics.kinds.equilibrium.results import Equilibrium, step_for
 from spi.running import shipped
@@ -27,7 +27,7 @@ from spi.running.run import load
 from spi.schemes import scheme_entry
 from spi.specs import SpecError
 from spi.statistics.claims import quantities
-from spi.storage import Order, Part, Results
+from spi.storage import Order, Part, StoredResults
 
 # fixtures
 load_text, case_of = long_cases.load_text, long_cases.case_of
@@ -50,7 +50,7 @@ def test_averages_are_those_of_the_recorded_series(load_text):
     """Of a run in one go whose states are all known, and of formulas written out."""
     case = load_text(LONG, "samples=70", "steps=[1/4]").cases[0]
     plan = equilibrium.plan(case, Part("splitting"))
-    found, series = averages(plan), Series.of(case, 0)
+    found, series = averages(plan), SnapshotSeries.of(case, 0)
     assert (series.stride, series.total, series.used, series.lags) == (3, 128, 112, 16)
     assert found.kept == 112 and found.spacing == 0.75 and found.lag[:2].tolist() == [0, 0.75]
     scheme, times = scheme_entry("splitting").record, grid(1 / 4, 384)
@@ -110,7 +110,7 @@ def test_a_mean_of_very_few_values_has_an_interval(load_text):
     assert (tau >= 0).all() and (tau == 0).any() and np.isfinite(half).all() and (half > 0).all()
     assert least.min() > 1 - 1e-12
     reading = equilibrium.plan(cases[0], Part("splitting"))
-    text = printed(Results({"kind": "equilibrium", "title": ""}, (reading.results(finished(reading)).group(),)))
+    text = printed(StoredResults({"kind": "equilibrium", "title": ""}, (reading.results(finished(reading)).group(),)))
     assert "≤ " in text and "inf" not in text
 
 
@@ -128,7 +128,7 @@ def test_equal_paths_tell_as_much_as_one(load_text):
         values = [getattr(found.averages, name)[0, height] for found in (many, one)]
         assert values[0] == pytest.approx(values[1], rel=1e-6) and values[0] > 0
     assert np.isnan(many.averages.halves[0, height]) == np.isnan(one.averages.halves[0, height])
-    text = " ".join([*many.remarks(), printed(Results({"kind": "equilibrium", "title": ""}, (many.group(),)))])
+    text = " ".join([*many.remarks(), printed(StoredResults({"kind": "equilibrium", "title": ""}, (many.group(),)))])
     assert "inf" not in text and "± ?" not in text
     stderr = np.array([found.averages.quantities.stderr[0] for found in (many, one)])
     np.testing.assert_allclose(stderr[0], stderr[1], rtol=1e-6)
@@ -153,7 +153,7 @@ def test_roundings_of_casimirs_are_not_tested_and_a_drift_is(load_text):
     assert 0 < exact.rounding[0, 0] == exact.casimir_worst[0, -1, 0] < 1e-13 and np.isnan(exact.bias_deviation).all()
     assert abs(exact.bias[0, 0]) < 1.96 * exact.bias_stderr[0, 0] and exact.bias_stderr[0, 0] < 1e-13
     assert moving.rounding is None and moving.bias_deviation[0, 0] > 3
-    assert "bias/step" in (text := printed(Results({"kind": "equilibrium", "title": ""}, (exact.group(),))))
+    assert "bias/step" in (text := printed(StoredResults({"kind": "equilibrium", "title": ""}, (exact.group(),))))
     assert "in std." not in text
 
 
@@ -187,7 +187,7 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
     case = load_text(LONG, *keys).cases[0]
     plan = equilibrium.plan(case, Part("splitting"))
     reading = plan.results(finished(plan))
-    results = Results({"kind": "equilibrium", "title": "Means"}, (reading.group(),))
+    results = StoredResults({"kind": "equilibrium", "title": "Means"}, (reading.group(),))
     text = printed(results)
     assert "means over time" in text and "bias (95 %)" in text and "heat capacity" not in text
     assert "autocorrelation times, fewer than 50; run longer" in text
@@ -233,7 +233,7 @@ def test_what_is_not_given(load_text):
     assert case.functions == {"H": "H"} and case.between == 0.25 and case.burnt == pytest.approx(19.2)
     assert case.panels == ("means", "histogram", "autocorrelation")
     long = load_text(LONG.replace("spacing: 3/4\n", ""), "final_time=2^14").cases[0]
-    assert long.between == 4 and Series.of(long, 0).stride == 16 and Series.of(long, 1).stride == 32
+    assert long.between == 4 and SnapshotSeries.of(long, 0).stride == 16 and SnapshotSeries.of(long, 1).stride == 32
 
 
 @pytest.mark.needs("systems")

@@ -11,7 +11,7 @@ from spi.ensemble.increments import brownian
 from spi.ensemble.protocol import casimirs, hamiltonian
 from spi.ensemble.random_states import first_states
 from spi.models import MaxwellBloch
-from spi.plugins.dynamics.exact.chains import Chain
+from spi.plugins.dynamics.exact.chains import ChainLaw
 from spi.plugins.dynamics.exact.gibbs import law_of, mean_divergence
 from spi.specs.initial import state_in
 
@@ -187,7 +187,7 @@ def test_laws_that_are_not_known_are_refused_with_the_reason():
         with pytest.raises(ValueError, match=reason):
             law_of(model, point, temperature)
     law = law_of(ring, (0.0, 0.6, 0.8) * 4, 1.0)
-    assert isinstance(law, Chain)
+    assert isinstance(law, ChainLaw)
     with pytest.raises(ValueError, match="on many spheres"):
         law.expectation(lambda y: y[0] * y[3] * y[6])
 

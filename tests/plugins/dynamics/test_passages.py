@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 from spi.kinds.functions import path_function
 from spi.models import RigidBody
-from spi.plugins.dynamics.kinds.statistics.passages import Distances, Looks, corrected
+from spi.plugins.dynamics.kinds.statistics.passages import Distances, LookTimes, corrected
 
 PATHS, SHORT = 4096, 2.0**-20
 
@@ -23,7 +23,7 @@ def watched(paths, between, conditions, noise=1.0):
 
     states = paths[np.newaxis]
     distances = [Distances.measured(lambda y, f=f: f(y[0]), states, step, SHORT) for f in conditions]
-    return Looks(between, tuple(distances), True), [f(paths)[np.newaxis] for f in conditions]
+    return LookTimes(between, tuple(distances), True), [f(paths)[np.newaxis] for f in conditions]
 
 
 def first_times(looks, values):
@@ -106,7 +106,7 @@ def test_what_has_no_noise_is_not_corrected_as_if_it_had():
     """Straight lines cross where they do, to the last digits; curved ones to the second order."""
     t = np.arange(41) / 4
     slopes = np.linspace(0.11, 0.9, PATHS)
-    looks, lines = Looks(1 / 4, (None,), False), (np.outer(t, slopes) - 1)[np.newaxis]
+    looks, lines = LookTimes(1 / 4, (None,), False), (np.outer(t, slopes) - 1)[np.newaxis]
     np.testing.assert_allclose(looks.first_time(lines, looks.passed([lines], 1), 1)[0], np.minimum(1 / slopes, 10))
     curved = (np.outer(t**2, slopes) - 1)[np.newaxis]
     value, left, _, seen = first_times(looks, [curved])
@@ -120,7 +120,7 @@ def test_what_has_no_noise_is_not_corrected_as_if_it_had():
 
 def test_lost_paths_stay_lost_and_a_path_that_begins_beyond_has_passed():
     values = np.array([[1.0, -1, -1], [-1, 1, -1], [-1, np.nan, 1], [-1, -1, np.inf]]).T[np.newaxis]
-    passed = Looks(1.0, (None,), True).passed([values], 1)[0].T
+    passed = LookTimes(1.0, (None,), True).passed([values], 1)[0].T
     np.testing.assert_array_equal(passed, [[1, 1, 1], [0, 1, 1], [0, np.nan, np.nan], [0, 0, np.nan]])
 
 

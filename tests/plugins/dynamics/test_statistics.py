@@ -13,7 +13,7 @@ from weak_cases import stderr_by_hand
 
 import spi
 from spi.numerics.rng import LANES
-from spi.plugins.dynamics.kinds.statistics.estimates import Moments, simultaneous
+from spi.plugins.dynamics.kinds.statistics.estimates import PathMoments, simultaneous
 from spi.plugins.dynamics.kinds.statistics.results import Statistics
 from spi.running import shipped
 from spi.running.run import load
@@ -161,7 +161,7 @@ def test_kurtosis_from_the_error_of_the_variance(samples):
     paths[:samples, 0] = np.transpose(each)
     blocks = paths.reshape(-1, LANES, 1, 3)
     sums = np.array([by_group(blocks**power, 0, samples) for power in (1, 2)])
-    found = Moments.of(sums, sums[:1], samples).kurtosis(3)[:, 0]
+    found = PathMoments.of(sums, sums[:1], samples).kurtosis(3)[:, 0]
     known = stats.kurtosis(each, axis=1, fisher=False)
     np.testing.assert_allclose(found[:2], known[:2], rtol=0.5)
     assert found[2] == pytest.approx(known[2], rel=0.1) and found[2] > 0.3 * samples

@@ -4,10 +4,10 @@ import numpy as np
 from long_results import equilibrium, equilibrium_group, growth, growth_group
 from strong_results import strong_group
 
-from spi.plugins.dynamics.kinds.equilibrium.results import Derived
+from spi.plugins.dynamics.kinds.equilibrium.results import DerivedQuantities
 from spi.plugins.dynamics.kinds.lyapunov.results import Exponents
 from spi.plugins.dynamics.kinds.statistics.results import Quantiles, Statistics, TimeCorrelations
-from spi.storage import Results
+from spi.storage import StoredResults
 from spi.storage.stored import Description
 
 TIMES = ("correlation", "integral", "spectrum")
@@ -55,10 +55,12 @@ EXPONENTS = Exponents(
     samples=10,
     ns_per_step=1.0,
 )
-DERIVED = Derived(quantities=("q",), formulas=("H^2",), value=np.full((3, 1), 2.0), stderr=np.full((3, 1), 0.1))
+DERIVED = DerivedQuantities(
+    quantities=("q",), formulas=("H^2",), value=np.full((3, 1), 2.0), stderr=np.full((3, 1), 0.1)
+)
 WHOLE = {
     "growth": growth(*map(growth_group, ("splitting", "midpoint"))),
     "equilibrium": equilibrium(equilibrium_group("splitting", DERIVED)),
-    "statistics": Results({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
-    "lyapunov": Results({"kind": "lyapunov", "title": "Exponents"}, (EXPONENTS.group(),)),
+    "statistics": StoredResults({"kind": "statistics", "title": "Means"}, (MEANS.group(),)),
+    "lyapunov": StoredResults({"kind": "lyapunov", "title": "Exponents"}, (EXPONENTS.group(),)),
 }

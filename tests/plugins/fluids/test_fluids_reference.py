@@ -11,16 +11,16 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble.fields import noise_field, noise_field_derivative
 from spi.ensemble.protocol import casimirs, hamiltonian, structure
 from spi.models import SineEuler
-from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.fluids.models import ModeNoise, Zeitlin
 from spi.plugins.fluids.models.tables import modes, nearest, places
 
 SIZES = (3, 5, 7, 9)
 SIGMA = (0.5, 0.75, 1.0, 1.25)
 SINE_EULER = SineEuler(SIGMA)
 #: Its modes are the four noises, one after the other.
-ITS_TWIN = Zeitlin(3, tuple(Noise(s, modes=(m,)) for m, s in zip(modes(3), SIGMA, strict=True)))
+ITS_TWIN = Zeitlin(3, tuple(ModeNoise(s, modes=(m,)) for m, s in zip(modes(3), SIGMA, strict=True)))
 #: Several noises of both kinds on the line of (1, 0), beside one on another line.
-MIXED = (Noise(0.5, modes=((-1, 0), (0, 1)), hamiltonian="linear"), Noise(0.75, modes=((1, 0), (2, 0))))
+MIXED = (ModeNoise(0.5, modes=((-1, 0), (0, 1)), hamiltonian="linear"), ModeNoise(0.75, modes=((1, 0), (2, 0))))
 
 
 def largest(difference):

@@ -28,7 +28,7 @@ from spi.ensemble.scheme_protocol import advance_large, of_arrays, report_row, w
 from spi.models import SineEuler
 from spi.numerics.angles import ANY_ANGLES
 from spi.numerics.rng import LANES
-from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.fluids.models import ModeNoise, Zeitlin
 from spi.plugins.fluids.models.kernels import tables
 from spi.plugins.fluids.models.tables import lattice, lines, modes
 from spi.schemes.splitting import splitting
@@ -37,7 +37,7 @@ from spi.schemes.stages import compositions, flows
 SIGMA = (0.5, 0.75, 1.0, 1.25)
 SINE_EULER = SineEuler(SIGMA)
 #: The same equations by the general code, in which its modes are four lines, and its noises four groups.
-ITS_TWIN = Zeitlin(3, tuple(Noise(s, modes=(m,)) for m, s in zip(modes(3), SIGMA, strict=True)))
+ITS_TWIN = Zeitlin(3, tuple(ModeNoise(s, modes=(m,)) for m, s in zip(modes(3), SIGMA, strict=True)))
 
 #: name of a scheme -> its step by the reference, (model, h, halves [half, noise], coin, y) -> y
 BY_REFERENCE = {

@@ -12,7 +12,7 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble.protocol import hamiltonian, in_kernels
 from spi.kinds.functions import path_function
 from spi.numerics.rng import BROWNIAN, LANES, STEPS_PER_DRAW
-from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.fluids.models import ModeNoise, Zeitlin
 from spi.running import run as runner
 from spi.running.remarks import reports
 from spi.specs import SpecError
@@ -30,7 +30,7 @@ schemes: [splitting]
 samples: 200
 """
 #: The same model, whose noises are all on the shell 1.
-SAME = Zeitlin(5, (Noise(0.5, modes=((1, 0), (1, 1), (0, 1), (-1, 1))),))
+SAME = Zeitlin(5, (ModeNoise(0.5, modes=((1, 0), (1, 1), (0, 1), (-1, 1))),))
 
 
 def model(text):

@@ -21,7 +21,7 @@ from zeitlin_cases import (
 
 from spi.checks.model_checks import STENCIL
 from spi.numerics.rng import LANES
-from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.fluids.models import ModeNoise, Zeitlin
 from spi.plugins.fluids.models.kernels import tables
 from spi.plugins.fluids.models.tables import lines
 from spi.schemes import SCHEMES, strong_order
@@ -169,9 +169,9 @@ def rms(difference):
 
 #: (noise, strong order): one; the two of a linear noise and two of a line, all of which commute; and several lines.
 ORDERS = [
-    ((Noise(1.0, modes=((1, 0),)),), 1.0),
-    ((Noise(0.5, modes=((1, 0),), hamiltonian="linear"), Noise(1.0, modes=((2, 0),))), 1.0),
-    ((Noise(1.0, modes=((1, 0), (0, 1), (1, 1))),), 0.5),
+    ((ModeNoise(1.0, modes=((1, 0),)),), 1.0),
+    ((ModeNoise(0.5, modes=((1, 0),), hamiltonian="linear"), ModeNoise(1.0, modes=((2, 0),))), 1.0),
+    ((ModeNoise(1.0, modes=((1, 0), (0, 1), (1, 1))),), 0.5),
 ]
 
 

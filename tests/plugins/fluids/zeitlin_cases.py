@@ -19,7 +19,7 @@ from spi.ensemble.protocol import (
 )
 from spi.ensemble.scheme_protocol import REPORT, advance_large, of_arrays, report_row, work_size
 from spi.numerics.rng import LANES
-from spi.plugins.fluids.models import Noise, Zeitlin
+from spi.plugins.fluids.models import ModeNoise, Zeitlin
 from spi.plugins.fluids.models.kernels import tables
 from spi.schemes import SCHEMES
 from spi.schemes.stages import substeps
@@ -79,10 +79,10 @@ def noisy(n, **options):
     given by the mode opposite to the one that stands for both.
     """
     noise = (
-        Noise(0.5, modes=((0, 1),), hamiltonian="linear"),
-        Noise(0.7, modes=((2, 0), (1, 1), (1, -2))),
-        Noise(0.3, modes=((-1, 0),), hamiltonian="linear"),
-        Noise(0.9, modes=((-1, 0), (-2, -2))),
+        ModeNoise(0.5, modes=((0, 1),), hamiltonian="linear"),
+        ModeNoise(0.7, modes=((2, 0), (1, 1), (1, -2))),
+        ModeNoise(0.3, modes=((-1, 0),), hamiltonian="linear"),
+        ModeNoise(0.9, modes=((-1, 0), (-2, -2))),
     )
     return Zeitlin(n, noise, **options)
 

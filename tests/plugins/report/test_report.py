@@ -25,7 +25,7 @@ from spi.plugins.report.views import page, sections
 from spi.plugins.report.views.page import files
 from spi.plugins.report.views.sections import equation
 from spi.statistics import claims
-from spi.storage import Results
+from spi.storage import StoredResults
 
 EMPTY = {"meta", "img", "br", "input", "link", "hr"}
 SPEC = "title: A title\nkind: strong   # <b>no bold</b>\n"
@@ -277,11 +277,11 @@ def test_files_that_cannot_be_reported_on_are_refused_in_one_line(stored, tmp_pa
     damaged = tmp_path / "damaged.h5"
     damaged.write_bytes(stored[0].read_bytes()[:-200] + b"x" * 200)
     refused("damaged.h5: ", [damaged])
-    storage.write(damaged, Results({"kind": "other"}, strong_results().groups))
+    storage.write(damaged, StoredResults({"kind": "other"}, strong_results().groups))
     refused("damaged.h5: there is no report of results of kind 'other'; known kinds: strong, ", [damaged])
-    storage.write(damaged, Results({"kind": "strong"}, ()))
+    storage.write(damaged, StoredResults({"kind": "strong"}, ()))
     refused("damaged.h5: the results hold no scheme", [damaged])
-    storage.write(damaged, Results({"kind": "weak"}, strong_results().groups))
+    storage.write(damaged, StoredResults({"kind": "weak"}, strong_results().groups))
     refused("damaged.h5: the group three/.* cannot be read as results of kind weak", [damaged])
     (tmp_path / "more").mkdir()
     twin = tmp_path / "more" / "first.h5"
@@ -325,7 +325,7 @@ def test_one_of_many_files_ends_no_command_about_them(stored, tmp_path, monkeypa
     text = Path("report.html").read_text()
     assert "Results of 2 experiments" in text and str(escape(line)) in text
     monkeypatch.setattr("spi.views.save", lambda figure, folder, stem: [Path(f"{stem}.pdf")])
-    monkeypatch.setattr("spi.views.figure", lambda results, *look: readings(results))
+    monkeypatch.setattr("spi.views.figure", lambda results, *look, **more: readings(results))
     assert app(["plot", "--results", "."], standalone_mode=False) == 2
     assert capfd.readouterr() == ("", f"wrote first.pdf\nspi: {line}\nwrote third.pdf\n")
     for samples in (("x",), 5, (None,), ((1, 2),)):

@@ -6,7 +6,7 @@ import pytest
 
 from spi.plugins.report.views import page
 from spi.plugins.report.views.sections import Titled
-from spi.printing.tables import Cell, Grid
+from spi.printing.tables import StyledText, TextTable
 
 
 @pytest.mark.parametrize(
@@ -38,8 +38,8 @@ def test_text(plain, expected):
 
 
 def table(rows=2, title="a_b"):
-    lines = [[Cell("[0, 1]"), Cell(f"{i}e-3 ± 1e-3")] for i in range(rows)]
-    return Titled.of(Grid(title, ("x & y", "error"), [lines], 1))
+    lines = [[StyledText("[0, 1]"), StyledText(f"{i}e-3 ± 1e-3")] for i in range(rows)]
+    return Titled.of(TextTable(title, ("x & y", "error"), [lines], 1))
 
 
 def test_a_table_is_a_float_with_rules():
@@ -79,8 +79,8 @@ def test_a_long_table_may_break_and_all_braces_are_closed():
 
 
 def test_a_table_loses_empty_columns_and_breaks_of_headings():
-    row = [Cell("[b]"), Cell("0.5 [0.4, 0.6]"), Cell("3\n4", "bold red"), Cell("")]
-    found = Titled.of(Grid("title [x]", ["scheme", "non-\nfinite", "Euler-\nMaruyama", ""], [[row]], 1))
+    row = [StyledText("[b]"), StyledText("0.5 [0.4, 0.6]"), StyledText("3\n4", "bold red"), StyledText("")]
+    found = Titled.of(TextTable("title [x]", ["scheme", "non-\nfinite", "Euler-\nMaruyama", ""], [[row]], 1))
     assert found.title == "title [x]" and found.justified == "lrr"
     assert list(found.frame.columns) == ["scheme", "nonfinite", "Euler-Maruyama"]
     assert found.frame.to_numpy().tolist() == [["[b]", "0.5 [0.4, 0.6]", "3 4"]]

@@ -16,7 +16,7 @@ from spi.api import Results
 from spi.plugins.report.views.sections import section
 from spi.running import run as runner
 from spi.statistics.claims import Quantity
-from spi.statistics.curves import Grid
+from spi.statistics.curves import Surface
 
 BODY = {"model": {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3]}, "schemes": ["splitting"]}
 STRONG = {
@@ -134,7 +134,7 @@ def test_where_a_quantity_is_zero():
         (7.0, at): Quantity("a", None, value, value - h, value + h)
         for at, value, h in zip(x.tolist(), y.tolist(), half.tolist(), strict=True)
     }
-    ((value, where, error),) = Grid(("u", "v"), (np.array([7.0]), x), points).zeros()
+    ((value, where, error),) = Surface(("u", "v"), (np.array([7.0]), x), points).zeros()
     fit, covariance = np.polyfit(x, y, 1, w=1 / half, cov="unscaled")
     assert value == 7.0 and where == pytest.approx(-fit[1] / fit[0])
     gradient = np.array([where, 1.0]) / fit[0]

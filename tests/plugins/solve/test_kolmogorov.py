@@ -15,7 +15,7 @@ from spi.exact.expectations import expectations
 from spi.models import MaxwellBloch, RigidBody
 from spi.plugins.solve.exact import cylinder, sphere
 from spi.plugins.solve.exact.harmonics import CLASSES, Harmonics, shifted
-from spi.plugins.solve.exact.sphere import Step, factors, semigroup
+from spi.plugins.solve.exact.sphere import BackwardStep, factors, semigroup
 
 INERTIA = (2.0, 1.0, 2.0 / 3.0)
 STRONG = RigidBody(INERTIA, INERTIA, (1.0, 1.0, 1.0))
@@ -74,7 +74,7 @@ def _each_limit_once():
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(sphere, "semigroup", remembered)
-        patch.setattr(cylinder, "Grid", cache(cylinder.Grid))
+        patch.setattr(cylinder, "Mesh", cache(cylinder.Mesh))
         yield
 
 
@@ -284,7 +284,7 @@ def test_harmonics():
 def test_powers_do_not_depend_on_the_way(c, monkeypatch):
     harmonics = Harmonics(20)
     words = [(p, factors([1.0, 0.5, 2.0], [0.3, 0.0, 0.8], word, 0.01)) for p, word in SPHERE.schemes[2]]
-    step = Step(harmonics, c, words)
+    step = BackwardStep(harmonics, c, words)
     V = harmonics.project([mixed, sines], 1.0)[c]
     found = []
     for doublings in (None, 0, 3):
@@ -292,5 +292,5 @@ def test_powers_do_not_depend_on_the_way(c, monkeypatch):
         found.append(step.power(V, 37))
     for one, other in itertools.pairwise(found):
         np.testing.assert_allclose(one, other, atol=1e-13)
-    one, other = (Step(harmonics, c, [(1.0, word)]).increment(V) for _, word in words)
+    one, other = (BackwardStep(harmonics, c, [(1.0, word)]).increment(V) for _, word in words)
     np.testing.assert_allclose(step.increment(V), (one + other) / 2, atol=1e-15)

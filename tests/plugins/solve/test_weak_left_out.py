@@ -11,7 +11,7 @@ from weak_cases import SPEC, case_of, plan_of
 from spi.kinds.weak.results import not_reached
 from spi.kinds.weak.study import remarks
 from spi.plugins.comparisons.kinds.work_precision import study as work_precision
-from spi.storage import Results
+from spi.storage import StoredResults
 
 KEYS = ("functions=y1^2", "steps=2^-1 .. 2^-3", "accuracy=1e-4")
 BOTH = ("schemes=[splitting, euler_maruyama]", "estimators=[kolmogorov]", *KEYS)
@@ -23,7 +23,7 @@ def of_kolmogorov(*keys, **options):
     case = case_of(*keys, **options)
     p = plan_of(case, "splitting", "kolmogorov")
     found = p.results(finished(p))
-    return case, found, printed(Results({"kind": "weak", "title": "Weak errors"}, (found.group(),)))
+    return case, found, printed(StoredResults({"kind": "weak", "title": "Weak errors"}, (found.group(),)))
 
 
 def test_schemes_that_an_estimator_cannot_do_are_told():
@@ -59,5 +59,5 @@ def test_an_accuracy_that_is_not_reached_is_told(system):
     wanted = replace(found, accuracy=bounds[0] * (1 - 1e-9))
     assert not_reached(wanted).startswith("accuracy ") and "is not reached: errors are known to" in not_reached(wanted)
     group = wanted.group()
-    assert not_reached(wanted) in printed(Results({"kind": "weak", "title": "Weak errors"}, (group,)))
+    assert not_reached(wanted) in printed(StoredResults({"kind": "weak", "title": "Weak errors"}, (group,)))
     assert not not_reached(replace(found, accuracy=max(bounds)))

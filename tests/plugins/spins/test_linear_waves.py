@@ -12,7 +12,7 @@ from spi.models.delegation import undamped
 from spi.plugins.dynamics.kinds.statistics import figure, study
 from spi.plugins.dynamics.kinds.statistics.stationary import modes_of
 from spi.plugins.spins.kinds.statistics.waves import linear_waves
-from spi.storage import Part, Results
+from spi.storage import Part, StoredResults
 
 SPEC = SPINS.replace("J: energy_current", "e: H")
 MODEL = "{name: spins, lattice: ring, size: [8], bonds: {exchange: 1}}"
@@ -131,7 +131,7 @@ def test_an_antiferromagnet_on_a_square_with_named_corners(spec, tmp_path):
     np.testing.assert_allclose(s.waves, (4.2**2 - c**2)[:, np.newaxis] ** 0.5 + [-0.1, 0.1], atol=1e-7)
     assert s.corners == ("G", "X", "M", "G")
     np.testing.assert_allclose(s.corner_q, [0, 0.5, 1, 1 + 0.5**0.5])
-    storage.write(tmp_path / "a.h5", Results({"kind": "statistics", "title": "t"}, (results.group(),)))
+    storage.write(tmp_path / "a.h5", StoredResults({"kind": "statistics", "title": "t"}, (results.group(),)))
     (plot,) = figure._structure([results], {})
     ax = Figure().add_subplot()
     plot.own(ax)

@@ -8,10 +8,10 @@ from states import check_going_on, finished, same_numbers
 from spi.ensemble import loop
 from spi.kinds import one_path
 from spi.plugins.dynamics.kinds.equilibrium import study as equilibrium
-from spi.plugins.dynamics.kinds.equilibrium.means import Series
+from spi.plugins.dynamics.kinds.equilibrium.means import SnapshotSeries
 from spi.plugins.spins.models import Anisotropy, Spins, Terms, observables
 from spi.plugins.spins.models.lattices import Cell
-from spi.plugins.spins.models.whole import Sampled, Whole
+from spi.plugins.spins.models.whole import SampledGibbs, WholeLattice
 from spi.running import run as runner
 from spi.running.load import load
 from spi.specs import SpecError
@@ -86,12 +86,12 @@ def test_defaults_of_large_lattices(tmp_path):
     """Of 64^3 spins neither a spacing nor values are missing: a short run has few, a long one what looking may cost."""
     text = LARGE.replace("[24, 16, 16]", "[64, 64, 64]")
     case = read(text, tmp_path).cases[0]
-    looks = Series.of(case, 0)
+    looks = SnapshotSeries.of(case, 0)
     assert one_path.is_long(case) and 8 <= looks.total <= 16 and 4 <= looks.used <= looks.total
     case = read(text.replace("final_time: 16", "final_time: 1024"), tmp_path).cases[0]
     a_step = one_path.undamped(case.model).sites.sites * 24 * 2  # ns, about
-    share = one_path.look_ns(case, 2) / (Series.of(case, 0).stride * a_step)
-    assert 0.01 < share < 0.1 and Series.of(case, 0).used > 64
+    share = one_path.look_ns(case, 2) / (SnapshotSeries.of(case, 0).stride * a_step)
+    assert 0.01 < share < 0.1 and SnapshotSeries.of(case, 0).used > 64
     assert read(LARGE + "spacing: 1/16\n", tmp_path).cases[0].between == 1 / 16
 
 
@@ -105,15 +105,15 @@ def _known(states, cells=(24, 16, 16)):
 @compiled_only
 def test_means_of_a_large_lattice_are_those_of_its_states(tmp_path, monkeypatch):
     """Of each state after the burn-in, by all threads, and the same bits from wherever a run goes on."""
-    threads, move = set(), Whole.move
-    monkeypatch.setattr(Whole, "move", lambda *arguments: threads.add(loop.thread_count()) or move(*arguments))
+    threads, move = set(), WholeLattice.move
+    monkeypatch.setattr(WholeLattice, "move", lambda *arguments: threads.add(loop.thread_count()) or move(*arguments))
     case = read(LARGE.replace("final_time: 16", "final_time: 32") + "spacing: 1/8\nburn_in: 4\n", tmp_path).cases[0]
     plan = equilibrium.plan(case, Part("splitting_symmetric"))
     assert plan.is_long
     found = plan.results(finished(plan)).averages
     assert threads == {loop.thread_count()}
     states = np.array([y.copy() for n, y, _ in plan.one_path[0].along(one_path.start_of(plan), 0, 512, 2, 1, 0)])
-    used = Series.of(case, 0).used
+    used = SnapshotSeries.of(case, 0).used
     assert 208 <= used <= 224
     values = _known(states)[:, -used:]
     names = [("m", "e").index(name) for name in found.functions]
@@ -158,9 +158,9 @@ def test_one_lattice_is_drawn_by_its_law(tmp_path, monkeypatch):
     def refused(*_):
         raise AssertionError("a block of lattices")
 
-    monkeypatch.setattr(Sampled, "moved", refused)
-    drawn, states = [], Sampled.states
-    monkeypatch.setattr(Sampled, "states", lambda law, z: drawn.append(z.shape) or states(law, z))
+    monkeypatch.setattr(SampledGibbs, "moved", refused)
+    drawn, states = [], SampledGibbs.states
+    monkeypatch.setattr(SampledGibbs, "states", lambda law, z: drawn.append(z.shape) or states(law, z))
     case = read(GIBBS, tmp_path).cases[0]
     plan = equilibrium.plan(case, Part("splitting_symmetric"))
     drawn.clear()

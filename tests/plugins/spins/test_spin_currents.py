@@ -12,8 +12,8 @@ from spi.kinds.trajectory import study as trajectory
 from spi.plugins.dynamics.kinds.statistics import study
 from spi.plugins.spins.models import Anisotropy, Spins, Terms
 from spi.plugins.spins.models.tables import bond_matrices, tables
-from spi.plugins.spins.models.whole import Sampled
-from spi.storage import Part, Results
+from spi.plugins.spins.models.whole import SampledGibbs
+from spi.storage import Part, StoredResults
 
 
 def balance(model: Spins, y: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -72,14 +72,14 @@ def test_currents_balance_densities(model, spins):
 def test_start_from_the_gibbs_law():
     """Energy and correlations of an open chain, and the quadrupole of free spins, exactly known."""
     states = np.random.default_rng(3).standard_normal((24, 64 * 64))
-    law = Sampled(Spins("chain", (8,), (Terms(1.0),)), 0.5, 300)
+    law = SampledGibbs(Spins("chain", (8,), (Terms(1.0),)), 0.5, 300)
     y = law.moved(law.states(states), 1, 0, 0).reshape(8, 3, -1)
     langevin = 1 / np.tanh(2.0) - 0.5
     for r in (1, 3):
         products = (y[:-r] * y[r:]).sum(axis=1).mean(axis=0)
         assert abs(products.mean() - langevin**r) < 4 * products.std() / 64
         assert abs(products.mean() - 1.1 * langevin**r) > 4 * products.std() / 64
-    law = Sampled(Spins("chain", (8,), (Terms(0.0),), anisotropy=Anisotropy(1.0), mu=2.0, alpha=0.1), 0.5, 300)
+    law = SampledGibbs(Spins("chain", (8,), (Terms(0.0),), anisotropy=Anisotropy(1.0), mu=2.0, alpha=0.1), 0.5, 300)
     z = law.moved(law.states(states), 1, 0, 0).reshape(8, 3, -1)[:, 2]
     u = np.linspace(-1, 1, 200001)
     squares, weight = (z**2).mean(axis=0), np.exp(u**2 / 0.5)
@@ -106,7 +106,9 @@ def test_structure_factor(spec):
     plan = study.plan(spec(SPINS).cases[0], Part("splitting_symmetric"))
     found = plan.results(finished(plan))
     time, s = found.time, found.time.structure
-    fig = views.figure(Results({"kind": "statistics", "title": ""}, (replace(found, panels=("structure",)).group(),)))
+    fig = views.figure(
+        StoredResults({"kind": "statistics", "title": ""}, (replace(found, panels=("structure",)).group(),))
+    )
     marks = [line for line in fig.axes[0].lines if line.get_linestyle() == "None"]
     assert [line.get_marker() for line in marks] == ["o", "+"] and len(fig.axes[0].lines) == 2  # none between these q
     np.testing.assert_array_equal([line.get_ydata() for line in marks], [s.waves[:, 0], s.waves_of_step[:, 0]])

@@ -12,7 +12,7 @@ from spi.ensemble.protocol import add_block_drift, block_work, hamiltonian, in_k
 from spi.numerics.rng import LANES
 from spi.plugins.spins.models import Anisotropy, Spins, Terms
 from spi.plugins.spins.models.lattices import Cell
-from spi.plugins.spins.models.whole import Sampled
+from spi.plugins.spins.models.whole import SampledGibbs
 from spi.schemes import SCHEMES, of_model
 
 X, Y, Z = np.eye(3)
@@ -106,7 +106,7 @@ def test_a_cold_chain_turns_the_right_way():
     exact, along = means_of_bonds(0.01, 8)
     assert exact == pytest.approx(0.43929, abs=1e-5)
     model = Spins("chain", (8,), (Terms(1.0, (0.0, 0.0, 0.5)),), alpha=0.5)
-    law, rest = Sampled(model, 0.01, 400), np.arctan(0.5) * np.arange(8)
+    law, rest = SampledGibbs(model, 0.01, 400), np.arctan(0.5) * np.arange(8)
     states = np.tile(np.stack([np.cos(rest), np.sin(rest), 0 * rest], axis=1).reshape(-1, 1), (1, 512))
     s = law.moved(states, 1, 0, 0).reshape(8, 3, -1)
     mean, error = mean_and_error(np.cross(s[:-1], s[1:], axis=1)[:, 2].mean(axis=0))

@@ -1,1 +1,1 @@
-"""The kind answer."""
+"""Kind answer."""

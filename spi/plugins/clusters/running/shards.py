@@ -96,7 +96,7 @@ def _need_all(session: Session) -> None:
 
 
 def _shards(states: Sequence[State], count: int) -> list[list[Piece]]:
-    """The chunks that are wanted for now, in `count` shards of about equal work: (number of a part, chunk)."""
+    """Chunks that are wanted for now, in `count` shards of about equal work: (number of a part, chunk)."""
     pieces, work = [], []
     for number, state in enumerate(states):
         for i, path_set in enumerate(state.path_sets):

@@ -20,7 +20,7 @@ from spi.running.run import root_attributes
 from spi.running.workers import advance_here, perform_tasks
 from spi.statistics.tallies import Chunk, PathSet, digest
 from spi.storage import StorageError
-from spi.storage.records import Group, Results
+from spi.storage.records import Group, StoredResults
 from spi.storage.stored import gathered
 
 #: Root attributes that say why numbers may differ in their last digits, and what to call them.
@@ -36,11 +36,11 @@ CAUSES = {
     "machine_python": "version of Python",
 }
 
-Report = Callable[[int, int, str], None]  #: the number of the next chunk, that of all, and its name
+ReportChunk = Callable[[int, int, str], None]  #: the number of the next chunk, that of all, and its name
 
 
 class Verification(NamedTuple):
-    """The outcome."""
+    """Outcome."""
 
     chunks: int  #: number of all chunks
     checked: tuple[str, ...]  #: those that were computed again: "case/part, paths of chunk ... of path set ..."
@@ -63,7 +63,7 @@ class Verification(NamedTuple):
 def verify(
     path: str | Path,
     chunks: int | None,
-    report: Report = lambda number, total, name: None,
+    report: ReportChunk = lambda number, total, name: None,
     trust_code: bool = False,
 ) -> Verification:
     """Compute chunks of stored results again and compare their sums to the last bit: so many at random, None for all.
@@ -109,8 +109,8 @@ def verify(
     )
 
 
-def _listed(results: Results) -> dict[str, str]:
-    """The digests of chunks in a file, by their names; StorageError if they cannot be read."""
+def _listed(results: StoredResults) -> dict[str, str]:
+    """Digests of chunks in a file, by their names; StorageError if they cannot be read."""
     if not all(re.fullmatch(r".* \d{1,18} \d{1,18} \d{1,18} \w+", line) for line in results.chunks):
         raise StorageError("the digests of chunks in the results file are damaged; run the experiment again")
     return {label: text for label, _, text in (line.rpartition(" ") for line in results.chunks)}
@@ -128,7 +128,7 @@ def _chunks(plan: Plan, listed: dict[str, str]) -> Iterator[Chunk]:
 
 
 def _not_listed(every: Collection[str], listed: Collection[str]) -> Iterator[str]:
-    """The mistakes in the list of chunks, part by part."""
+    """Mistakes in the list of chunks, part by part."""
 
     def count(labels: Iterable[str]) -> Counter[str]:
         return Counter(label.rsplit(" ", 3)[0] for label in labels)
@@ -140,16 +140,16 @@ def _not_listed(every: Collection[str], listed: Collection[str]) -> Iterator[str
         yield f"{part}: {others} digests are of no chunk that it has"
 
 
-def _not_of_the_spec(experiment: specs.Experiment, results: Results) -> Iterator[str]:
-    """The attributes of the file that are not those of its spec."""
+def _not_of_the_spec(experiment: specs.Experiment, results: StoredResults) -> Iterator[str]:
+    """Attributes of the file that are not those of its spec."""
     expected = root_attributes(experiment)
     for name in ("kind", "seed", "samples", "expect", "title", "asks", "figure"):
         if expected[name] != results.attributes.get(name):
             yield f"{name} is {results.attributes.get(name)!r}, and by the spec {expected[name]!r}"
 
 
-def _sums_of(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path | None, list[State]]:
-    """The folder with the sums over the paths of results, and the states in it; None if any are missing."""
+def _sums_of(path: Path, results: StoredResults, ready: Sequence[Plan]) -> tuple[Path | None, list[State]]:
+    """Folder with the sums over the paths of results, and the states in it; None if any are missing."""
     store, states = storage.Store(path.parent / "sums"), [State(plan) for plan in ready]
     try:
         keys = json.loads(results.attributes["sums"])
@@ -166,13 +166,13 @@ def _sums_of(path: Path, results: Results, ready: Sequence[Plan]) -> tuple[Path 
     return (None, []) if any(state.missing() or state.open_tasks() for state in states) else (store.folder, states)
 
 
-def _differing(states: Sequence[State], results: Results, rounding: float, times: bool) -> list[str]:
-    """The names of all that is otherwise in a file than the results of the same plans from states."""
+def _differing(states: Sequence[State], results: StoredResults, rounding: float, times: bool) -> list[str]:
+    """Names of all that is otherwise in a file than the results of the same plans from states."""
     records = gathered(state.plan.results(state) for state in states)
     return differing([record.group() for record in records], results.groups, times, rounding)
 
 
-def _all_again(ready: Sequence[Plan], total: int, report: Report) -> list[State]:
+def _all_again(ready: Sequence[Plan], total: int, report: ReportChunk) -> list[State]:
     """All that a run computes, computed again."""
     states = [State(plan) for plan in ready]
 
@@ -190,7 +190,7 @@ def _in_words(label: str) -> str:
     return f"{part}, {paths} paths of chunk {number} of path set {path_set}"
 
 
-def _causes(results: Results) -> tuple[str, ...]:
+def _causes(results: StoredResults) -> tuple[str, ...]:
     """All that is not as it was."""
     now = {**storage.provenance(), "source_digest": NUMBERS_DIGEST, "stream_version": STREAM_VERSION}
     then = results.attributes
@@ -218,13 +218,13 @@ _OF_ITS_RUN = ("threads",)
 
 
 def differing(derived: Sequence[Group], stored: Sequence[Group], times: bool, rounding: float = 0.0) -> list[str]:
-    """The names of all that is not the same in `stored` as in what was `derived`, times only if they are wanted.
+    """Names of all that is not the same in `stored` as in what was `derived`, times only if they are wanted.
 
     Numbers may differ by `rounding` times their size.
     """
     with tempfile.TemporaryDirectory() as folder:  # groups as a file gives them back
         path = Path(folder) / "derived.h5"
-        storage.write(path, Results({}, tuple(derived)))
+        storage.write(path, StoredResults({}, tuple(derived)))
         groups = storage.read(path).groups
     mine, theirs = ({group.name: _entries(group) for group in each} for each in (groups, stored))
     names = [name for name in (mine | theirs) if name not in mine or name not in theirs]

@@ -1,1 +1,1 @@
-"""The kinds of experiment of this plug-in."""
+"""Kinds of experiment of this plug-in."""

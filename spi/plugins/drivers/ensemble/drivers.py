@@ -1,4 +1,4 @@
-"""The processes that drive the noises of a run other than Brownian motion, by their increments.
+"""Processes that drive the noises of a run other than Brownian motion, by their increments.
 
     dy = B(y) grad H(y) dt + sum_k sigma_k B(y) grad Ĥ_k(y) ∘ dX_k(t)
 
@@ -14,7 +14,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from spi.compiler.dispatch import kernel
-from spi.ensemble.increments import Given, draw_all_coins, draw_paths
+from spi.ensemble.increments import NoiseArrays, draw_all_coins, draw_paths
 from spi.ensemble.protocol import noises
 from spi.ensemble.scheme_protocol import substeps, tosses
 from spi.numerics.rng import DRIVERS, LANES, STEPS_PER_TOSS
@@ -181,14 +181,14 @@ _NO_AREAS, _NO_COINS = np.zeros((0, 0, 0)), np.zeros((0, 0))
 
 
 class _Nothing:
-    """The law of increments that are 0."""
+    """Law of increments that are 0."""
 
     def draw(self, asked, memory):
         return np.zeros((asked.count, asked.paths, asked.noises))
 
 
 class DrivenPaths:
-    """The paths of a seed of another process, as ``streams.RandomStream`` is those of Brownian motion.
+    """Paths of a seed of another process, as ``streams.RandomStream`` is those of Brownian motion.
 
     `law` is one of the laws of this file, `last_time` is the end of the paths, and each step is
     resolved into at least `parts` sub-steps: schemes that need fewer have the same paths as those that need more.
@@ -205,12 +205,12 @@ class DrivenPaths:
         return DrivenPaths(_Nothing(), self.keys, self.last_time, self.parts)
 
     def most_blocks(self, model, times):
-        """The largest number of blocks whose noise fits into memory."""
+        """Largest number of blocks whose noise fits into memory."""
         steps = times.first_step + times.reference_steps if self._at_once else self._unit(times)
         return max(1, _BYTES // (8 * LANES * noises(model) * self.parts * steps))
 
     def pieces(self, scheme, model, times, first, blocks, end):
-        """The pieces of ``RandomStream.pieces``, with noise as arrays."""
+        """Pieces of ``RandomStream.pieces``, with noise as arrays."""
         used = [record for record in (scheme, times.reference_scheme) if record is not None]
         parts, unit = max(map(substeps, used)), self._unit(times)
         paths = min(end, (first + blocks) * LANES) - first * LANES
@@ -220,7 +220,7 @@ class DrivenPaths:
             steps = min(count, last - n)
             dW = self.increments(times.reference_step, n, steps, first * LANES, paths, noises(model), parts)
             coins = self.coins(n, steps, first * LANES, paths) if any(map(tosses, used)) else _NO_COINS
-            yield times._replace(first_step=n, reference_steps=steps), Given(dW, _NO_AREAS, coins, n), 0, paths
+            yield times._replace(first_step=n, reference_steps=steps), NoiseArrays(dW, _NO_AREAS, coins, n), 0, paths
 
     def coins(self, first, steps, first_path, paths):
         """(steps, paths) the coins of steps from number `first` on."""
@@ -239,5 +239,5 @@ class DrivenPaths:
         return np.ascontiguousarray(dW)
 
     def _unit(self, times):
-        """The number of steps of which the loop makes a multiple at a time."""
+        """Number of steps of which the loop makes a multiple at a time."""
         return math.lcm(STEPS_PER_TOSS, 1 << int(times.doublings[0]))

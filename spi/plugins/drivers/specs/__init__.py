@@ -1,1 +1,1 @@
-"""The kinds of noise in specs."""
+"""Kinds of noise in specs."""

@@ -1,4 +1,4 @@
-"""The kinds of noise of this plug-in, as a spec has them.
+"""Kinds of noise of this plug-in, as a spec has them.
 
     noise: {kind: ornstein_uhlenbeck, tau: 0.1}
     noise: {kind: fractional, hurst: 0.7}
@@ -36,7 +36,7 @@ class LawKeys(Driver):
 
     @property
     def law(self) -> Any:
-        """The law of the process, see ``ensemble/drivers.py``."""
+        """Law of the process, see ``ensemble/drivers.py``."""
         raise NotImplementedError
 
     def paths(self, stream: Any, last_time: float, parts: int = 1) -> DrivenPaths:
@@ -184,7 +184,7 @@ class FileKeys(LawKeys):
 
 
 def _recorded(files: Files, path: str) -> Recorded:
-    """The increments in a file."""
+    """Increments in a file."""
     dW, step = arrays_in(files, path, ("dW", "step")).values()
     if dW.ndim not in (2, 3) or not dW.size:
         right = "dW must be (paths, steps, noises) or (steps, noises)"

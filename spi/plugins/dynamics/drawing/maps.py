@@ -10,10 +10,9 @@ from matplotlib.axes import Axes
 from matplotlib.colors import LogNorm
 
 from spi.drawing import plots, style
-from spi.drawing.panels import Looks, Records, names_along, scheme_look
+from spi.drawing.panels import Records, names_along, scheme_look
+from spi.numerics.types import Array
 from spi.storage.stored import Description
-
-Array = np.ndarray
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Mollweide's projection of the sphere, which keeps areas.
@@ -46,7 +45,7 @@ _BANDS = 96  # into which a sphere is divided at least, as the edges of its cell
 
 
 def cell_edges(maps: Any, i: int, finer: int = 1) -> list[Array]:
-    """The edges of the cells of map `i` along both of its sides, each cell divided into `finer` parts."""
+    """Edges of the cells of map `i` along both of its sides, each cell divided into `finer` parts."""
     ends = zip(maps.low[i], maps.width[i], maps.density.shape[1:], strict=True)
     return [low + width * np.linspace(0, number, finer * number + 1) for low, width, number in ends]
 
@@ -123,8 +122,8 @@ class HistogramPanel(NamedTuple):
     exact: str = ""  #: the field with the density of theory
     only: Callable[[Any, int], bool] = lambda record, place: True
 
-    def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot]:
-        """The panels of one case."""
+    def expand(self, records: Records, looks: style.Looks) -> Iterator[plots.Plot]:
+        """Panels of one case."""
         shown = [record for record in records if record.get(self.field) is not None and self.at(record) is not None]
         if not shown:
             return
@@ -141,8 +140,8 @@ class HistogramPanel(NamedTuple):
             title, label = style.long_title(shown[0], "function", f), self.label.format(f=name.strip("$"))
             yield plots.Plot(lines, title, name, label, ylim=(0.0, 1.12 * peak or 1.0))
 
-    def _lines(self, record: Any, index: Any, looks: Looks) -> Iterator[plots.Series]:
-        """The density of one scheme without the empty cells at both ends, and that of theory."""
+    def _lines(self, record: Any, index: Any, looks: style.Looks) -> Iterator[plots.Series]:
+        """Density of one scheme without the empty cells at both ends, and that of theory."""
         density, bottom, top = (array[index] for array in record.estimate(self.field)[1:])
         exact, low, width = (record.get(name)[index] for name in (self.exact or self.field, self.low, self.width))
         used = np.flatnonzero((density > 0) | (exact > 0))
@@ -160,11 +159,12 @@ class MapPanel(NamedTuple):
     """Maps of a nested record with cells, of two quantities or of the sphere, each scheme at each time."""
 
     field: str  #: the nested record
-    draw: Callable[[Axes, Any, int | None, Records], list[plots.Entry]]  #: of an axes, a record, the map, all records
+    #: Of an axes, a record, the number of the map, and all records.
+    draw: Callable[[Axes, Any, int | None, Records], list[plots.LegendEntry]]
     law: str = ""  #: the field of the nested record with a law, which is drawn as map None, and its title
     law_title: str = ""
 
-    def expand(self, records: Records, looks: Looks) -> Iterator[plots.Plot]:
+    def expand(self, records: Records, looks: style.Looks) -> Iterator[plots.Plot]:
         """A panel for each scheme and time, and one for the law."""
         shown = [record for record in records if getattr(record, self.field) is not None]
         for record in shown:
@@ -174,5 +174,5 @@ class MapPanel(NamedTuple):
         if shown and self.law and getattr(getattr(shown[0], self.field), self.law) is not None:
             yield plots.Plot(title=self.law_title, own=partial(self._own, shown[0], None, shown), aspect=0.8)
 
-    def _own(self, record: Any, i: int | None, records: Records, ax: Axes) -> list[plots.Entry]:
+    def _own(self, record: Any, i: int | None, records: Records, ax: Axes) -> list[plots.LegendEntry]:
         return self.draw(ax, record, i, records)

@@ -8,22 +8,22 @@ from spi.ensemble.random_states import Spheres
 
 
 class Uniform(NamedTuple):
-    """The uniform law on a product of spheres."""
+    """Uniform law on a product of spheres."""
 
     surface: Spheres
 
     @property
     def numbers(self):
-        """The number of normal numbers for a state."""
+        """Number of normal numbers for a state."""
         return len(self.surface.point)
 
     def states(self, z):
-        """The states (d, paths) of numbers (numbers, paths)."""
+        """States (d, paths) of numbers (numbers, paths)."""
         return self.surface.onto(z)
 
 
 class Gibbs(NamedTuple):
-    """The law on a product of spheres whose density is proportional to exp(-E), by rejection from the uniform law.
+    """Law on a product of spheres whose density is proportional to exp(-E), by rejection from the uniform law.
 
     E, which is quadratic, is the sum of c y_i y_j over (i, j, c) and of c y_i over (i, c) in `terms`, and at least
     `least`.  A state is taken where an exponential number, (z1^2 + z2^2) / 2, is at least E - least.
@@ -35,7 +35,7 @@ class Gibbs(NamedTuple):
 
     @property
     def numbers(self):
-        """The number of normal numbers for an attempt."""
+        """Number of normal numbers for an attempt."""
         return len(self.surface.point) + 2
 
     def energy(self, y):
@@ -47,6 +47,6 @@ class Gibbs(NamedTuple):
         return total
 
     def attempts(self, z):
-        """The states (d, paths) of numbers (numbers, paths), and which are taken."""
+        """States (d, paths) of numbers (numbers, paths), and which are taken."""
         y = self.surface.onto(z)
         return y, 0.5 * (z[-1] * z[-1] + z[-2] * z[-2]) >= self.energy(y) - self.least

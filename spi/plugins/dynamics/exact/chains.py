@@ -1,4 +1,4 @@
-"""The Gibbs law of chains and rings: spheres that a quadratic H couples to at most two others each, transfer matrices.
+"""Gibbs law of chains and rings: spheres that a quadratic H couples to at most two others each, transfer matrices.
 
 With nodes u_i of a rule on the unit sphere, the matrix of the bond from sphere a to sphere b is
 
@@ -23,8 +23,8 @@ _ROUNDING = 1e-13
 _STATES = 64  #: at which the form of a function is tested
 
 
-class Chain:
-    """The law with density exp(-beta H) on a product of spheres."""
+class ChainLaw:
+    """Law with density exp(-beta H) on a product of spheres."""
 
     def __init__(self, surface, energy, beta):
         if surface.flat or any(each.shape[1] == 2 for each in surface.spheres):
@@ -61,7 +61,7 @@ class Chain:
         raise ValueError("laws of functions are known on at most two spheres")
 
     def _mean_of(self, f):
-        """The function level -> E f(y); ValueError unless f is such a polynomial or depends on two spheres only."""
+        """Function level -> E f(y); ValueError unless f is such a polynomial or depends on two spheres only."""
         u, others = np.random.default_rng(0).standard_normal((2, len(self.maps), 3, _STATES))
         y, energy = self._states(u), self.energy(self._states(u))
         value = np.broadcast_to(f(y), _STATES)
@@ -110,7 +110,7 @@ class Chain:
 
 
 class _Transfer:
-    """The law on the nodes of a level, at one beta, which may be complex."""
+    """Law on the nodes of a level, at one beta, which may be complex."""
 
     def __init__(self, law, level, beta):
         self.law, self.beta, self.products = law, beta, {}
@@ -129,13 +129,13 @@ class _Transfer:
         return total
 
     def single(self, a):
-        """The probabilities (n,) of the nodes for one sphere."""
+        """Probabilities (n,) of the nodes for one sphere."""
         ring, i = self.place[a]
         diagonal = np.diag(self.product(ring[i:] + ring[:i]))
         return diagonal / diagonal.sum()
 
     def pair(self, a, b):
-        """The joint probabilities (n, n) of the nodes for two spheres."""
+        """Joint probabilities (n, n) of the nodes for two spheres."""
         (ring, i), (other, j) = self.place[a], self.place[b]
         if ring is not other:
             return np.outer(self.single(a), self.single(b))
@@ -145,7 +145,7 @@ class _Transfer:
         return joint / joint.sum()
 
     def product(self, bonds):
-        """The product of the matrices of bonds, up to a factor; for equal bonds it is computed once."""
+        """Product of the matrices of bonds, up to a factor; for equal bonds it is computed once."""
         key = tuple(map(self._key, bonds))
         if key not in self.products:
             half = 1 << (len(bonds) - 1).bit_length() - 1 if len(bonds) > 1 else 0
@@ -154,7 +154,7 @@ class _Transfer:
         return self.products[key]
 
     def _key(self, bond):
-        """The bytes of all numbers on which the matrix of a bond depends."""
+        """Bytes of all numbers on which the matrix of a bond depends."""
         (a, b, coupled), (_, linear, couplings) = bond, self.law.form
         parts = [linear[a], linear[b], couplings[a, a], couplings[b, b], couplings[a, b] * coupled]
         return b"".join((part + 0.0).tobytes() for part in parts)
@@ -167,7 +167,7 @@ class _Transfer:
 
 
 def _rings(near):
-    """The bonds (a, b, whether they are coupled) of each ring, from the spheres that each is coupled to."""
+    """Bonds (a, b, whether they are coupled) of each ring, from the spheres that each is coupled to."""
     rings, left = [], set(near)
     while left:
         ends = [a for a in sorted(left) if len(near[a]) < 2]

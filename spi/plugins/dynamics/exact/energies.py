@@ -54,7 +54,7 @@ def least_on(surface, b, matrix):
 
 
 def _least_on_sphere(b, matrix):
-    """The minimum of b.x + x.Ax/2 for |x| = 1, from below: the largest mu/2 - b.(A - mu)^-1 b/2, mu < eigenvalues."""
+    """Minimum of b.x + x.Ax/2 for |x| = 1, from below: the largest mu/2 - b.(A - mu)^-1 b/2, mu < eigenvalues."""
     values, vectors = np.linalg.eigh(matrix)
     squares = (vectors.T @ b) ** 2
     size = np.sqrt(squares.sum())

@@ -1,4 +1,4 @@
-"""The Gibbs law of a model on the Casimir surface through a state, density exp(-H/T), by quadrature.
+"""Gibbs law of a model on the Casimir surface through a state, density exp(-H/T), by quadrature.
 
 On spheres the quadrature is that of Gauss and Legendre in the height and the trapezoidal rule around; where planes
 belong to the surface (see :class:`.leaves.Leaf`) H must be quadratic there, so that the law is normal given the rest,
@@ -14,7 +14,7 @@ from spi.compiler.inlining import uncompiled
 from spi.ensemble import protocol
 from spi.exact.surfaces import at_states, spheres
 
-from .chains import Chain
+from .chains import ChainLaw
 from .leaves import leaf
 from .sphere_law import hermite, on_sphere
 
@@ -28,7 +28,7 @@ _FAR = 7.0  #: half-width of the interval of a normal coordinate, in standard de
 
 
 def law_of(model, initial, temperature):
-    """The Gibbs law on the surface through `initial`; ValueError, with the reason in a phrase, where there is none.
+    """Gibbs law on the surface through `initial`; ValueError, with the reason in a phrase, where there is none.
 
     `initial` may be a :class:`~spi.ensemble.random_states.RandomState` of a law on one surface.  T = inf is the uniform
     law; T may be negative where the surface is compact.
@@ -44,7 +44,7 @@ def law_of(model, initial, temperature):
     if surface.flat and not 0 < temperature < math.inf:
         raise ValueError("exp(-H/T) is not integrable on a surface that is not compact")
     if sum(each.shape[1] > 2 for each in surface.spheres) > 2:
-        return Chain(surface, energy, 1.0 / temperature)
+        return ChainLaw(surface, energy, 1.0 / temperature)
     return Quadrature(surface, energy, 1.0 / temperature)
 
 
@@ -60,7 +60,7 @@ def _energy(model):
 
 
 class Quadrature:
-    """The law with density exp(-beta H), with respect to the Liouville measure of a :class:`~.leaves.Leaf`."""
+    """Law with density exp(-beta H), with respect to the Liouville measure of a :class:`~.leaves.Leaf`."""
 
     def __init__(self, surface, energy, beta):
         self.surface, self.energy, self.beta = surface, energy, beta
@@ -92,7 +92,7 @@ class Quadrature:
         return float(means[-1]), float(max(change[-1], rounding))
 
     def _sums(self, f, level):
-        """The sums of f, of |f| and of 1 with the weights of the law."""
+        """Sums of f, of |f| and of 1 with the weights of the law."""
         total, size, mass = 0.0, 0.0, 0.0
         for part in self._parts(level):
             y, logarithm = self._weighted(*part)
@@ -121,7 +121,7 @@ class Quadrature:
     # --- nodes -------------------------------------------------------------------------------------------------------
 
     def _count(self, level):
-        """The number of points of a level."""
+        """Number of points of a level."""
         sizes = [{1: 1, 2: 4 * level, 3: 2 * level**2}.get(each.shape[1], np.inf) for each in self.surface.spheres]
         return math.prod(sizes) * min(level // 2 + 4, 40) ** self.surface.flat
 

@@ -22,7 +22,7 @@ _CLOSE = 1e-9  # relative distance of numbers that are taken for equal
 
 
 class Leaf(NamedTuple):
-    """The states y = x + fibre p, x = sum_a spheres_a u_a, |u_a| = 1, with A(x) p = c(x).
+    """States y = x + fibre p, x = sum_a spheres_a u_a, |u_a| = 1, with A(x) p = c(x).
 
     A(x) = linear + tensor x, c(x) = value - outer.x - x.inner x / 2.  A sphere of dimension 0 stands for one of its
     points.
@@ -38,12 +38,12 @@ class Leaf(NamedTuple):
 
     @property
     def flat(self):
-        """The dimension of the planes."""
+        """Dimension of the planes."""
         return self.fibre.shape[1] - len(self.value)
 
     @property
     def dimension(self):
-        """The dimension of the surface."""
+        """Dimension of the surface."""
         return sum(each.shape[1] - 1 for each in self.spheres) + self.flat
 
     def planes(self, x):
@@ -69,7 +69,7 @@ class Leaf(NamedTuple):
 
 
 def leaf(model, point):
-    """The :class:`Leaf` through a state; ValueError with the reason in a phrase where there is none."""
+    """:class:`Leaf` through a state; ValueError with the reason in a phrase where there is none."""
     if protocol.large(model):
         raise ValueError("its states are arrays")
     point = np.array(point, float)
@@ -106,7 +106,7 @@ def leaf(model, point):
 
 
 def _with_planes(spheres, N, forms, point):
-    """The leaf whose planes are given by the Casimir functions that are of the first degree in p."""
+    """Leaf whose planes are given by the Casimir functions that are of the first degree in p."""
     if any(np.abs(N.T @ Q @ N).max(initial=0) > _CLOSE for _, Q in forms):
         raise ValueError("its Casimir functions leave surfaces that are no planes over spheres")
     x = point - N @ (N.T @ point)

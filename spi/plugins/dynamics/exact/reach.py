@@ -1,4 +1,4 @@
-"""The states that noises and drift can reach: whether a law on the Casimir surface can be the only stationary one.
+"""States that noises and drift can reach: whether a law on the Casimir surface can be the only stationary one.
 
 The fields of the noises, X_k, and their brackets with one another and with the drift span at a point y
 the same space as the vectors (D Phi)^-1 X_k(Phi(y)), Phi being flows of random combinations of all these fields
@@ -57,7 +57,7 @@ def _field(model, y, gradient):
 
 
 def _noise_fields(model, y):
-    """The fields of the noises at one state (d, 1)."""
+    """Fields of the noises at one state (d, 1)."""
     return [_field(model, y, gradient)[:, 0] for gradient in _gradients(model, y)[1:]]
 
 

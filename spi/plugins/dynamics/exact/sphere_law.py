@@ -1,4 +1,4 @@
-"""The uniform law on a sphere |y| = r, and that of the Hamiltonian under it.
+"""Uniform law on a sphere |y| = r, and that of the Hamiltonian under it.
 
 For a model with ``axis_inertias`` and noises about at least two axes i and j the uniform law is the only stationary one
 that gives the axes no weight, whatever the drift:
@@ -83,7 +83,7 @@ class SphereLaw(NamedTuple):
 
     @classmethod
     def of(cls, model, initial):
-        """The law on the sphere through the initial state; ValueError where it is not known to be stationary."""
+        """Law on the sphere through the initial state; ValueError where it is not known to be stationary."""
         if reason := obstacle(model, initial):
             raise ValueError(reason)
         r = float(np.linalg.norm(initial))
@@ -121,7 +121,7 @@ class SphereLaw(NamedTuple):
 
 
 def _quantiles(a):
-    """The quantiles 0, 1/BINS, ..., 1 of sum_k a_k u_k^2, u uniform on the unit sphere.
+    """Quantiles 0, 1/BINS, ..., 1 of sum_k a_k u_k^2, u uniform on the unit sphere.
 
     Given u_3 = z, the sum is a_3 z^2 + (1 - z^2) (a_2 + (a_1 - a_2) cos^2 phi) with phi uniform, and cos^2 phi <= q has
     the probability 2/pi arcsin(q^(1/2)); z is uniform.

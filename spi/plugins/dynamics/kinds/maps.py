@@ -69,7 +69,7 @@ class Cells(NamedTuple):
         return places_in_cells(sides, self.low, self.width, self.number, closed=not self.pair)
 
     def gibbs(self, model: Any, initial: Any, temperature: float) -> Array | None:
-        """The density of exp(-H/T) in the cells of the sphere through `initial`; None where that is not the law."""
+        """Density of exp(-H/T) in the cells of the sphere through `initial`; None where that is not the law."""
         of_law = initial.law.surface if isinstance(initial, RandomState) else initial
         if self.pair or not np.isfinite(temperature) or of_law is None or answers(frozen, undamped(model)):
             return None
@@ -83,13 +83,13 @@ class Cells(NamedTuple):
         return weight.reshape(rows, _WITHIN, columns, _WITHIN).mean(axis=(1, 3)) / (4 * np.pi * weight.mean())
 
     def _directions(self, y: Array) -> Array:
-        """The height on the unit sphere and the longitude (2, ...) of states (d, ...)."""
+        """Height on the unit sphere and the longitude (2, ...) of states (d, ...)."""
         with np.errstate(all="ignore"):
             a, b, c = (y[i] / unit for i, unit in self.axes)
             return np.array([c / np.sqrt(a**2 + b**2 + c**2), np.arctan2(b, a)])
 
     def densities(self, counts: Array, t: Array, names: tuple[str, ...], origins: Array) -> dict[str, Any]:
-        """The fields of a :class:`DensityMap` from counts (times, 1, 2 + cells).
+        """Fields of a :class:`DensityMap` from counts (times, 1, 2 + cells).
 
         The functions of the sides have `names`, and were counted less their `origins` (2,).
         """

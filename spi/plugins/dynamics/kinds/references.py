@@ -11,18 +11,17 @@ import numpy as np
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.kinds.functions import PathFunction
+from spi.numerics.types import Array
 from spi.plugins.dynamics.exact import gibbs
 from spi.specs.checks import ROUNDING
 from spi.specs.keys import shown, wrong
 from spi.specs.names import numbers_of
 
-Array = np.ndarray
-
 #: Words for the mean of the equation or of the Gibbs law, that at the smallest step size, and that of a stationary law.
 EXACT, FINEST, STATIONARY = "exact", "finest", "stationary"
 
 #: Times, means and standard errors.
-Curve = tuple[tuple[float, float, float], ...]
+TimeCurve = tuple[tuple[float, float, float], ...]
 
 
 class Word(NamedTuple):
@@ -45,12 +44,12 @@ class References(NamedTuple):
         return isinstance(reference, str) and reference not in self.words
 
     def formula(self, case: Any, text: str) -> Any:
-        """The tree of a formula in parameters of the model, T and perhaps t; NumberError if it is none."""
+        """Tree of a formula in parameters of the model, T and perhaps t; NumberError if it is none."""
         if re.search(r"\by1\b", text):  # as which t stands in the tree
             raise NumberError("unknown name 'y1'")
         return parse_expression(text, len(self.names), self.names, numbers_of(case))
 
-    def check(self, case: Any, name: str, reference: str | Curve) -> None:
+    def check(self, case: Any, name: str, reference: str | TimeCurve) -> None:
         """Raise the error about the reference of the function `name`, if it is not valid."""
         at = "reference", name
         if name not in case.functions:
@@ -86,8 +85,8 @@ class References(NamedTuple):
         return value, error
 
 
-def curve(text: str, path: str) -> Curve:
-    """The rows of a file, by t; raises the error about the key ``file``."""
+def curve(text: str, path: str) -> TimeCurve:
+    """Rows of a file, by t; raises the error about the key ``file``."""
     right = "must have t and value, and may have stderr"
     try:
         table = np.genfromtxt(io.StringIO(text.strip() or "nothing"), delimiter=",", names=True, ndmin=1)
@@ -106,7 +105,7 @@ def curve(text: str, path: str) -> Curve:
     return tuple(rows)
 
 
-def _in_curve(curve: Curve, t: Array, step: float) -> tuple[Array, Array]:
+def _in_curve(curve: TimeCurve, t: Array, step: float) -> tuple[Array, Array]:
     """Values and standard errors of a curve at times, NaN where it has none."""
     times, *columns = np.array(curve).T
     nearest = np.abs(np.subtract.outer(t, times)).argmin(axis=1)
@@ -126,7 +125,7 @@ def gibbs_mean(model: Any, initial: Any, temperature: float, function: PathFunct
 
 
 def reason_of(mean: Callable[[Any, str], Any]) -> Callable[[Any, str], str | None]:
-    """The reason, in a phrase, with which a mean raises ValueError; None where it is known."""
+    """Reason, in a phrase, with which a mean raises ValueError; None where it is known."""
 
     def obstacle(case: Any, name: str) -> str | None:
         try:

@@ -1,4 +1,4 @@
-"""The warning about a temperature at which exp(-H/T) is not the only stationary law."""
+"""Warning about a temperature at which exp(-H/T) is not the only stationary law."""
 
 import math
 from functools import lru_cache

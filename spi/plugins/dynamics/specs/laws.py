@@ -19,7 +19,7 @@ from spi.plugins.dynamics.ensemble.laws import Gibbs, Uniform
 from spi.plugins.dynamics.exact.energies import least_on, quadratic
 from spi.specs.files import Files
 from spi.specs.initial import Law, surface_through
-from spi.specs.keys import ABSENT, State, key_of, quantity, wrong
+from spi.specs.keys import ABSENT, StateKey, key_of, quantity, wrong
 
 LEAST_ACCEPTANCE = 1e-3  #: of the attempts at a state, with which a law is still drawn
 _TRIALS = 2**16  # states by which it is estimated
@@ -29,7 +29,7 @@ class OnSurface(Law):
     """Uniform on a Casimir surface."""
 
     law: Literal["uniform_on_surface"]
-    through: key_of(State, "a state on the Casimir surface")
+    through: key_of(StateKey, "a state on the Casimir surface")
 
     def state(self, model: Any, files: Files) -> RandomState:
         """A typical state, and the law."""
@@ -41,7 +41,7 @@ class OfGibbs(Law):
     """Density exp(-H/T) on a Casimir surface."""
 
     law: Literal["gibbs"]
-    through: key_of(State, "a state on the Casimir surface; not for lattices") = ABSENT
+    through: key_of(StateKey, "a state on the Casimir surface; not for lattices") = ABSENT
     temperature: key_of(float, "T in the density exp(-H/T); may be negative", "energy")
     sweeps: key_of(
         Annotated[int, Ge(1), Le(10**7)], "of lattices: sweeps over the lattice by which a state is drawn"

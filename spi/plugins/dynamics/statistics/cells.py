@@ -2,10 +2,9 @@
 
 import numpy as np
 
+from spi.numerics.types import Array
 from spi.plugins.dynamics.ensemble.counting import count_values
 from spi.statistics.intervals import student_of_paths, zero_share_bound
-
-Array = np.ndarray
 
 
 def range_of(values: Array) -> tuple[Array, Array]:

@@ -9,16 +9,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spi.numerics.types import Array
 from spi.storage.records import INTERVAL
-
-Array = np.ndarray
 
 #: The window is at least this many tau long, and this many values: the latter matters where correlations change sign.
 WINDOW = 5
 
 
 def lagged_products(earlier: Array, later: Array) -> Array:
-    """The spectrum (..., L + 1) which, added up over paths, :func:`lagged_sums` turns into sums of products.
+    """Spectrum (..., L + 1) which, added up over paths, :func:`lagged_sums` turns into sums of products.
 
     `earlier` and `later` (..., L) are a stretch of a series and the next one.
     """
@@ -39,7 +38,7 @@ def lagged_sums(spectrum: Array) -> Array:
 
 
 class Correlation(NamedTuple):
-    """The integrated autocorrelation times of some series, (...), in values."""
+    """Integrated autocorrelation times of some series, (...), in values."""
 
     tau: Array
     window: Array  #: W
@@ -47,7 +46,7 @@ class Correlation(NamedTuple):
 
 
 def integrated(covariance: Array) -> Correlation:
-    """The integrated autocorrelation times from autocovariances (..., L) at lags 0, ..., L - 1."""
+    """Integrated autocorrelation times from autocovariances (..., L) at lags 0, ..., L - 1."""
     with np.errstate(all="ignore"):
         each = 0.5 + np.cumsum(covariance[..., 1:] / covariance[..., :1], axis=-1)
     wide = np.arange(1, covariance.shape[-1]) >= WINDOW * np.maximum(each, 1)  # false for NaN
@@ -68,7 +67,7 @@ def of_means(covariance: Array, count: Array | int) -> tuple[Array, Correlation]
     return covariance, integrated(covariance)
 
 
-class Times(NamedTuple):
+class CorrelationTimes(NamedTuple):
     """Integrated autocorrelation times of some series, (...), in values."""
 
     tau: Array  #: not below 0
@@ -76,15 +75,15 @@ class Times(NamedTuple):
     least: Array  #: for errors of means: 1/2, as of independent values, where few values do not tell that it is less
 
 
-def resolved_times(correlation: Correlation, count: Array | int) -> Times:
-    """The times of correlations that were estimated from `count` values, with what these tell of them.
+def resolved_times(correlation: Correlation, count: Array | int) -> CorrelationTimes:
+    """Times of correlations that were estimated from `count` values, with what these tell of them.
 
     A time below 1/2 is that of values that tend to alternate, or an accident of few values, which may make it negative.
     """
     spread = np.sqrt(2 * (2 * correlation.window + 1) / count)
     stderr = spread * np.maximum(correlation.tau, 0.5)
     lost = ~(correlation.tau > INTERVAL * stderr)  # true for NaN
-    return Times(
+    return CorrelationTimes(
         tau=np.maximum(correlation.tau, 0.0),
         stderr=stderr,
         least=np.where(lost, np.maximum(correlation.tau, 0.5), correlation.tau),

@@ -11,9 +11,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from spi.numerics.types import Array
 from spi.statistics.intervals import order_statistics
-
-Array = np.ndarray
 
 EDGES = 1023  #: one less than a power of two, so that a search has as many steps for each value
 

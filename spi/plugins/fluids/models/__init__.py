@@ -1,4 +1,4 @@
-"""The stochastic sine-Euler equations for any odd N: Zeitlin's truncation of an ideal fluid on the torus.
+"""Stochastic sine-Euler equations for any odd N: Zeitlin's truncation of an ideal fluid on the torus.
 
 The vorticity omega(x) = sum_m omega_m exp(i m.x) on [0, 2 pi)^2 has the modes of ``tables.py``, and (the paper's
 Example 4, for every N = 2M + 1)
@@ -29,8 +29,8 @@ class Process(NamedTuple):
     form: Literal["quadratic", "cosine", "sine"]  #: |omega_m|^2 / |m|^2, sqrt(2) Re omega_m / |m|, with Im likewise
 
 
-class Noise(NamedTuple):
-    """The noise of some modes: each has Wiener processes of its own.
+class ModeNoise(NamedTuple):
+    """Noise of some modes: each has Wiener processes of its own.
 
     quadratic: one process per mode m with Ĥ = |omega_m|^2 / |m|^2, as in the paper.  linear: two processes, with
     Ĥ = sqrt(2) Re omega_m / |m| and sqrt(2) Im omega_m / |m|: transport by given fields of root mean square speed 1.
@@ -53,7 +53,7 @@ class Zeitlin(NamedTuple):
     """A two-dimensional ideal fluid of N^2 - 1 real components, with Casimirs C_k = tr W^k / N, k = 2, 3, ..."""
 
     n: Annotated[int, Ge(3), Le(255), "N, odd: the modes are those of the torus modulo N"]
-    noise: Annotated[tuple[Noise, ...], "noise of modes or shells, as in {shell: 2, sigma: 0.1}, or a list"] = ()
+    noise: Annotated[tuple[ModeNoise, ...], "noise of modes or shells, as in {shell: 2, sigma: 0.1}, or a list"] = ()
     normalisation: Annotated[Literal["paper", "zeitlin"], "of the bracket: with 1, or with N / (2 pi)"] = "paper"
     casimirs_watched: Annotated[int, Ge(1), Le(16), "how many Casimirs are watched, from C_2 on"] = 4
 
@@ -110,7 +110,7 @@ class Zeitlin(NamedTuple):
 
     @property
     def processes(model) -> tuple[Process, ...]:
-        """The Wiener processes in their order."""
+        """Wiener processes in their order."""
         forms = {"quadratic": ("quadratic",), "linear": ("cosine", "sine")}
         return tuple(
             Process(mode, noise.sigma, form)
@@ -121,8 +121,8 @@ class Zeitlin(NamedTuple):
         )
 
 
-def _modes_of(noise: Noise, n: int) -> tuple[Mode, ...]:
-    """The modes of a noise, one for each pair m, -m; those of a shell in the order of the state."""
+def _modes_of(noise: ModeNoise, n: int) -> tuple[Mode, ...]:
+    """Modes of a noise, one for each pair m, -m; those of a shell in the order of the state."""
     if noise.shell is not None:
         return tuple(m for m in modes(n) if shell(m) == noise.shell)
     stored = set(modes(n))

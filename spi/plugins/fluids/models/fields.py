@@ -34,7 +34,7 @@ def size_of(y: np.ndarray) -> int:
 
 
 def vorticity(y: np.ndarray, points: int) -> np.ndarray:
-    """The fields (..., G, G) of states (..., d) on G = `points` points a side; ValueError if those are fewer than N."""
+    """Fields (..., G, G) of states (..., d) on G = `points` points a side; ValueError if those are fewer than N."""
     y = np.asarray(y, float)
     _check_points(points, size_of(y))
     m1, m2 = _frequencies(size_of(y))
@@ -47,7 +47,7 @@ def vorticity(y: np.ndarray, points: int) -> np.ndarray:
 
 
 def projected(field: np.ndarray, n: int) -> np.ndarray:
-    """The states (..., N^2 - 1) with the modes of fields (..., G, G) on the lattice modulo N = `n`.
+    """States (..., N^2 - 1) with the modes of fields (..., G, G) on the lattice modulo N = `n`.
 
     Parts of modes that are rounding errors, below 1e-15 of the largest value, are 0.  ValueError if G < N or if a mean
     is not 0.
@@ -150,7 +150,7 @@ def report(model: Any, initial: Sequence[float]) -> list[str]:
 
 
 def cell(n: int) -> float:
-    """The side of a cell, 2 pi / sqrt(N)."""
+    """Side of a cell, 2 pi / sqrt(N)."""
     return 2 * math.pi / math.sqrt(n)
 
 

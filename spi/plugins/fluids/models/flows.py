@@ -1,4 +1,4 @@
-"""The flow of all modes of one line: a phase for each Fourier component of each parallel line.
+"""Flow of all modes of one line: a phase for each Fourier component of each parallel line.
 
 Let H be a sum over modes a g of the line of g, with dH/d omega_{ag} = conj(x_a), x_{-a} = conj(x_a), constant along the
 flow.  On the coset of the modes m with m x g = c, written m_c + j g, j = 0, ..., N - 1, z_j = omega_{m_c + j g} obeys
@@ -74,18 +74,18 @@ def tiles_at(n):
 
 @device
 def around(n, position):
-    """The position modulo n, for one from 1 - n to 2 n - 1."""
+    """Position modulo n, for one from 1 - n to 2 n - 1."""
     return position + n if position < 0 else (position - n if position >= n else position)
 
 
 @device
 def turn_work(n):
-    """The floats of scratch for a flow."""
+    """Floats of scratch for a flow."""
     return tiles_at(n) + 6 * (n // 2 + 1) * TILE
 
 
 class Line(NamedTuple):
-    """The data of a line that tiles need; the last fields are those of the lattice."""
+    """Data of a line that tiles need; the last fields are those of the lattice."""
 
     places: np.ndarray  #: its row of ``Lattice.cosets``; in rows: the position of c = 0 in row 0, 1, ..., M
     n: int
@@ -101,7 +101,7 @@ class Line(NamedTuple):
 
 @device
 def line_of(lattice, places):
-    """The record of a line, its arrays without counted references: `places` must be part of the lattice."""
+    """Record of a line, its arrays without counted references: `places` must be part of the lattice."""
     return Line(
         without_refcount(places),
         lattice.n,
@@ -244,7 +244,7 @@ def _add_pair_packed(way, line, c, j, out, work, tiles, re, im, other_re, other_
     store(work, other + WIDTH, other_im)
 
 
-class Together(NamedTuple):
+class CosetLanes(NamedTuple):
     """WIDTH paths in one coset."""
 
     take_pair, add_pair = _pair_together, _add_pair_together
@@ -380,7 +380,7 @@ def _repeat_sines(n, work):
 
 @device
 def _transform(line, work, tiles):
-    """The cosine transform of the sums and the sine transform of the differences."""
+    """Cosine transform of the sums and the sine transform of the differences."""
     half = line.n // 2
     part = (half + 1) * TILE
     cos, sin = tiles + 2 * part, tiles + 3 * part
@@ -487,7 +487,7 @@ def _prepare(exact, line, width, work):
 
 @device(inline=False)
 def turn(exact, lattice, k, width, y, out, work):
-    """The flow of line k with the amplitudes in `work`, of `width` states y[i * width + path], in place: `out` is `y`.
+    """Flow of line k with the amplitudes in `work`, of `width` states y[i * width + path], in place: `out` is `y`.
 
     If not `exact`, out + B(y) grad H in place of `out`.  `width` is 1 or WIDTH.  Returns a bound of the largest angle.
     """
@@ -495,7 +495,7 @@ def turn(exact, lattice, k, width, y, out, work):
     if width == WIDTH:
         line = line_of(lattice, cosets)
         largest = _prepare(exact, line, WIDTH, work)
-        _tiles(Together(), 1, exact, line, WIDTH, y, out, work)
+        _tiles(CosetLanes(), 1, exact, line, WIDTH, y, out, work)
         return 2.0 * largest
     largest = _prepare(exact, line_of(lattice, cosets), 1, work)
     if lattice.middles[k, 0] >= 0:

@@ -1,4 +1,4 @@
-"""The sine-Euler equations as kernels see them: an array-state model, see ``spi.ensemble.protocol``."""
+"""Sine-Euler equations as kernels see them: an array-state model, see ``spi.ensemble.protocol``."""
 
 import functools
 import math
@@ -11,7 +11,7 @@ from spi.compiler.vectors import TILE, WIDTH, multiply_tile
 from spi.ensemble.protocol import add_block_drift
 
 from .flows import turn, turn_work
-from .tables import Lattice, lattice, lines, modes, on_lines, places
+from .tables import LineTables, lattice, lines, modes, on_lines, places
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The Casimirs C_k = tr W^k / N, k = 2, 3, ...: for large N the means of omega(x)^k over the torus.
@@ -42,7 +42,7 @@ def matrix(lattice, y, re, im):
 
 @device(inline=False)
 def product(n, a_re, a_im, b_re, b_im, re, im, work):
-    """The product of two complex N x N matrices, all as real and imaginary parts; `work` has 3 N TILE."""
+    """Product of two complex N x N matrices, all as real and imaginary parts; `work` has 3 N TILE."""
     tile, first, second = work[: n * TILE], work[n * TILE : 2 * n * TILE], work[2 * n * TILE :]
     for begin in range(0, n, WIDTH):
         columns = min(WIDTH, n - begin)
@@ -93,7 +93,7 @@ QUADRATIC, REAL, IMAGINARY = range(3)
 
 
 class Noises(NamedTuple):
-    """The Wiener processes line by line: those of the same line are a group, whose flows are one flow."""
+    """Wiener processes line by line: those of the same line are a group, whose flows are one flow."""
 
     line: np.ndarray  #: (groups,) the line
     first: np.ndarray  #: (groups + 1,) where the processes of a group begin in the arrays that follow
@@ -106,9 +106,9 @@ class Noises(NamedTuple):
 
 
 class ZeitlinTables(NamedTuple):
-    """The sine-Euler equations of one N, with their noise."""
+    """Sine-Euler equations of one N, with their noise."""
 
-    lattice: Lattice
+    lattice: LineTables
     noise: Noises
     sigma: np.ndarray  #: (m,)
     d: int
@@ -226,7 +226,7 @@ def add_noise_amplitude(model, e, times, width, y, work):
 
 @device
 def noise_amplitudes(model, group, times, width, y, work):
-    """The amplitude of all processes of a group."""
+    """Amplitude of all processes of a group."""
     clear_amplitudes(model, work)
     for e in range(model.noise.first[group], model.noise.first[group + 1]):
         add_noise_amplitude(model, e, times, width, y, work)
@@ -234,7 +234,7 @@ def noise_amplitudes(model, group, times, width, y, work):
 
 @functools.lru_cache(maxsize=32)
 def tables(model) -> ZeitlinTables:
-    """The record of a ``Zeitlin`` for kernels."""
+    """Record of a ``Zeitlin`` for kernels."""
     n, processes = model.n, model.processes
     m = len(processes)
     where = on_lines(n)

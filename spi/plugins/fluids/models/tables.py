@@ -27,20 +27,20 @@ Mode = tuple[int, int]
 
 @functools.cache
 def modes(n: int) -> tuple[Mode, ...]:
-    """The (N^2 - 1)/2 modes of the state, one of each pair m, -m, in their order."""
+    """(N^2 - 1)/2 modes of the state, one of each pair m, -m, in their order."""
     largest = n // 2
     rows = [(m1, 0) for m1 in range(largest, 0, -1)]
     return (*rows, *((m1, m2) for m2 in range(1, largest + 1) for m1 in range(largest, -largest - 1, -1)))
 
 
 def nearest(n: int, mode: Mode) -> Mode:
-    """The representative of a mode with |m1|, |m2| <= M."""
+    """Representative of a mode with |m1|, |m2| <= M."""
     half = n // 2
     return (mode[0] + half) % n - half, (mode[1] + half) % n - half
 
 
 def shell(mode: Mode) -> int:
-    """The shell of a mode: |m|, rounded to the nearest integer."""
+    """Shell of a mode: |m|, rounded to the nearest integer."""
     return round(math.hypot(*mode))
 
 
@@ -53,7 +53,7 @@ def places(n: int) -> dict[Mode, tuple[int, int]]:
 
 @functools.cache
 def lines(n: int) -> tuple[tuple[Mode, tuple[Mode, ...]], ...]:
-    """The lines through 0, ((g, modes), ...): the cyclic subgroups of N elements, each with the modes it moves.
+    """Lines through 0, ((g, modes), ...): the cyclic subgroups of N elements, each with the modes it moves.
 
     The line of g has all multiples of g; the generator g is the first of its modes in the order of the state, and lines
     follow each other in the order of their generators.  Each mode of the state belongs to the first line on which
@@ -74,8 +74,8 @@ def lines(n: int) -> tuple[tuple[Mode, tuple[Mode, ...]], ...]:
     return tuple(through_origin)
 
 
-class Lattice(NamedTuple):
-    """The lines of an N.  On the line of g all modes are a g, a = 1, ..., N - 1; see ``flows.py`` for the rest."""
+class LineTables(NamedTuple):
+    """Lines of an N.  On the line of g all modes are a g, a = 1, ..., N - 1; see ``flows.py`` for the rest."""
 
     n: int
     #: (lines, M N): the places of the modes m_c + j g, j = 0, ..., N - 1, on the cosets c = 1, ..., M of the line:
@@ -102,7 +102,7 @@ class Lattice(NamedTuple):
 
 
 class OnLine(NamedTuple):
-    """The place of a mode on the line that moves it: m = a g, or m = -a g with the sign -1, a = 1, ..., M."""
+    """Place of a mode on the line that moves it: m = a g, or m = -a g with the sign -1, a = 1, ..., M."""
 
     line: int
     multiple: int  #: a - 1
@@ -162,7 +162,7 @@ _WORTHWHILE = 0.75  # of the operations of a dense transform; smaller matrices t
 
 
 def row_order(n: int) -> tuple[np.ndarray, int]:
-    """The order of the rows of transforms, and b of :func:`by_blocks` where that takes fewer operations; else M."""
+    """Order of the rows of transforms, and b of :func:`by_blocks` where that takes fewer operations; else M."""
     half = n // 2
     dense = np.arange(half + 1), half
     if half % 2 == 0 or any(n % p == 0 for p in range(3, math.isqrt(n) + 1)):
@@ -189,7 +189,7 @@ def real_fourier(a: int) -> np.ndarray:
 
 
 def by_blocks(matrix: np.ndarray, fourier: np.ndarray) -> np.ndarray:
-    """The blocks of a matrix K of M rows, K[r, s] a function of r + s modulo M, one after the other.
+    """Blocks of a matrix K of M rows, K[r, s] a function of r + s modulo M, one after the other.
 
     Such are the matrices of a cosine or sine transform of prime length whose rows are in the order of the powers of a
     number (Rader, Proceedings of the IEEE 56, 1968).  With M = a b, r = r1 + b r2, the Fourier transform over r2 leaves
@@ -220,7 +220,7 @@ def _integers(matrix: np.ndarray) -> np.ndarray:
 
 
 def rest_of_share(n: int, cosines: np.ndarray, sines: np.ndarray, fourier: np.ndarray) -> float:
-    """The correction of the float 1 / N, by which the transform back divides, with which Casimirs have no bias.
+    """Correction of the float 1 / N, by which the transform back divides, with which Casimirs have no bias.
 
     Rounded, the matrix F of the transform has not quite the norm |F|^2 = N^2 (Frobenius), and 1 / N is not quite 1 / N;
     all flows would lose or gain a part of 1e-17 or so times the square of their angles.  The matrices are M x M, those
@@ -239,8 +239,8 @@ def rest_of_share(n: int, cosines: np.ndarray, sines: np.ndarray, fourier: np.nd
 
 
 @functools.lru_cache(maxsize=8)
-def lattice(n: int) -> Lattice:
-    """The tables of an N."""
+def lattice(n: int) -> LineTables:
+    """Tables of an N."""
     half = n // 2
     own = on_lines(n)
     cos, sin = _turns(n, np.arange(n), np.arange(1, half + 1))
@@ -254,7 +254,7 @@ def lattice(n: int) -> Lattice:
     rest = rest_of_share(n, cosines[1:, 1:], sines, fourier)
     if blocks_of < half:
         cosines, sines = (by_blocks(matrix, fourier) for matrix in (cosines[1:, 1:], sines))
-    return Lattice(
+    return LineTables(
         n=n,
         cosets=np.array([_cosets(n, g) for g, _ in lines(n)]),
         middles=np.array([_middles(n, g) for g, _ in lines(n)]),

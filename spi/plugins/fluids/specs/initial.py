@@ -56,7 +56,7 @@ class Vorticity(Keys):
             raise wrong(f"stands beside {given[0]}", "leave it out, it is for vorticity", "subtract_mean")
 
     def state(self, model: Any, files: Files) -> tuple[float, ...]:
-        """The state of a model of vorticity; raises the error about the key that is wrong."""
+        """State of a model of vorticity; raises the error about the key that is wrong."""
         n = fields.lattice_of(model)
         if n is None:
             right = "must be a list, a number per component, or have file"
@@ -69,7 +69,7 @@ class Vorticity(Keys):
 
 
 def of_grid(model: Any, values: np.ndarray, subtract_mean: bool) -> tuple[float, ...]:
-    """The state that is nearest to the vorticity with these values on a grid, which stand in a file."""
+    """State that is nearest to the vorticity with these values on a grid, which stand in a file."""
     n: Any = fields.lattice_of(model)
     if values.ndim != 2 or values.shape[0] != values.shape[1] or len(values) < n:
         shape = " x ".join(map(str, values.shape))
@@ -79,7 +79,7 @@ def of_grid(model: Any, values: np.ndarray, subtract_mean: bool) -> tuple[float,
 
 
 def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
-    """The state in which all modes but the given ones are 0."""
+    """State in which all modes but the given ones are 0."""
     y, lattice = np.zeros(n * n - 1), places(n)
     written: dict[int, str] = {}
     for key, value in given.items():
@@ -102,7 +102,7 @@ def _of_modes(given: dict[str, Any], n: int) -> tuple[float, ...]:
 
 
 def _complex(value: Any, key: str) -> complex:
-    """The number that stands under the name of a mode."""
+    """Number that stands under the name of a mode."""
     reason = ""
     if isinstance(value, str):
         try:
@@ -114,7 +114,7 @@ def _complex(value: Any, key: str) -> complex:
 
 @functools.lru_cache(maxsize=16)
 def _of_field(text: str, subtract_mean: bool, n: int) -> tuple[float, ...]:
-    """The state that is nearest to a vorticity, sampled on a grid; kept, as all profiles of a file are read."""
+    """State that is nearest to a vorticity, sampled on a grid; kept, as all profiles of a file are read."""
     points = 1 << (_POINTS_A_MODE * n - 1).bit_length()
     x = 2 * np.pi * np.arange(points) / points
     right = "must be an expression in x1 and x2 such as sin(x1)*cos(2*x2)"
@@ -123,7 +123,7 @@ def _of_field(text: str, subtract_mean: bool, n: int) -> tuple[float, ...]:
 
 
 def _of_samples(values: np.ndarray, subtract_mean: bool, n: int, key: str) -> tuple[float, ...]:
-    """The state that is nearest to a vorticity on a grid, which stands under `key`."""
+    """State that is nearest to a vorticity on a grid, which stands under `key`."""
     mean, largest = float(values.mean()), float(np.abs(values).max())
     if subtract_mean:
         values = values - mean
@@ -151,7 +151,7 @@ def _at_random(text: str, energy: float, seed: int, n: int) -> tuple[float, ...]
 
 
 def _values(text: str, names: tuple[str, ...], points: np.ndarray, right: str, *keys: str) -> np.ndarray:
-    """The values of an expression in some names at points (names, ...), all of them finite."""
+    """Values of an expression in some names at points (names, ...), all of them finite."""
     try:
         if other := re.search(r"\b[yY][0-9]+\b", text):  # the names of components of states
             raise NumberError(f"unknown word '{other[0]}'")

@@ -1,1 +1,1 @@
-"""The page, its sections, and tables as LaTeX."""
+"""Page, its sections, and tables as LaTeX."""

@@ -18,9 +18,9 @@ from spi.printing import as_csv
 from spi.running.compiling import processors
 from spi.running.workers import processes
 from spi.statistics.claims import VERDICTS
-from spi.storage.records import Results
+from spi.storage.records import StoredResults
 
-from .sections import Section, Titled, powers, section
+from .sections import ReportSection, Titled, powers, section
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Plain tables as LaTeX, in the style of the package booktabs.
@@ -112,7 +112,7 @@ def _number(text: str) -> str:
 
 
 def _mantissa(number: str) -> tuple[str, str]:
-    """The digits of a number, and its power of ten as a factor."""
+    """Digits of a number, and its power of ten as a factor."""
     digits, _, exponent = number.partition("e")
     return digits, rf"\cdot 10^{{{int(exponent)}}}" if exponent else ""
 
@@ -147,7 +147,9 @@ _REFERENCE = re.compile(r'(\bid="|href="#|url\(#)')
 _MANY = 4
 
 
-def drawn(results: Sequence[Results], prefixes: Sequence[str], alts: Sequence[str]) -> Iterator[Markup | Exception]:
+def drawn(
+    results: Sequence[StoredResults], prefixes: Sequence[str], alts: Sequence[str]
+) -> Iterator[Markup | Exception]:
     """The :func:`picture` of each of the results, in their order, or why there is none; several processes draw many."""
     if len(results) < _MANY or processors() == 1:
         yield from map(_tried, results, prefixes, alts)
@@ -156,16 +158,16 @@ def drawn(results: Sequence[Results], prefixes: Sequence[str], alts: Sequence[st
         yield from pool.executor.map(partial(pool.answer, _tried), results, prefixes, alts)
 
 
-def _tried(results: Results, prefix: str, alt: str) -> Markup | Exception:
-    """The picture, or the error of one that cannot be drawn, so that the others are."""
+def _tried(results: StoredResults, prefix: str, alt: str) -> Markup | Exception:
+    """Picture, or the error of one that cannot be drawn, so that the others are."""
     try:
         return picture(results, prefix, alt)
     except Exception as error:
         return error
 
 
-def picture(results: Results, prefix: str, alt: str) -> Markup:
-    """The figure of results as HTML, the ids in it beginning with `prefix`, and `alt` the text in its place.
+def picture(results: StoredResults, prefix: str, alt: str) -> Markup:
+    """Figure of results as HTML, the ids in it beginning with `prefix`, and `alt` the text in its place.
 
     ValueError if there is none for their kind or nothing to draw.
     """
@@ -191,7 +193,8 @@ def _inline(svg: str, prefix: str) -> str:
 _MOST_ROWS = 12
 
 Tell = Callable[[str], None]  #: told of a file that cannot be shown, in one line
-Report = Callable[[int, int, str], None]  #: told the number of a figure that is being drawn, of how many, and its name
+#: Told the number of a figure that is being drawn, of how many, and its name.
+ReportPicture = Callable[[int, int, str], None]
 
 
 def files(
@@ -199,11 +202,11 @@ def files(
     out: Path,
     latex_folder: Path | None = None,
     data_folder: Path | None = None,
-    report: Report = lambda number, total, name: None,
+    report: ReportPicture = lambda number, total, name: None,
     tell: Tell = lambda problem: None,
     short: bool = False,
 ) -> dict[Path, bytes]:
-    """The files of a report on the results files `paths`: path -> content, to be written by ``storage.write_all``.
+    """Files of a report on the results files `paths`: path -> content, to be written by ``storage.write_all``.
 
     These are the page `out`, if `short` one printed page for each experiment, and beside it for each experiment
     ``<latex_folder>/<name>.tex`` with its tables and ``<data_folder>/<name>.csv`` with one record per point of its
@@ -235,8 +238,8 @@ class _Part(NamedTuple):
     """One file in a report, but for its picture."""
 
     path: Path
-    results: Results
-    section: Section
+    results: StoredResults
+    section: ReportSection
     files: dict[Path, bytes]  #: beside the page
 
 
@@ -250,7 +253,7 @@ def _part(path: Path, anchored: str, latex_folder: Path | None, data_folder: Pat
     return _Part(path, results, one, written)
 
 
-def _pictures(parts: Sequence[_Part], report: Report, tell: Tell) -> Iterator[Markup]:
+def _pictures(parts: Sequence[_Part], report: ReportPicture, tell: Tell) -> Iterator[Markup]:
     sections = [one.section for one in parts]
     alts = [": ".join(filter(None, (one.title, one.result))) for one in sections]
     drawing = drawn([one.results for one in parts], [one.anchor for one in sections], alts)
@@ -269,9 +272,9 @@ def anchor(number: int) -> str:
 
 
 def page(
-    sections: Sequence[Section], pictures: Sequence[Markup], problems: Sequence[str] = (), short: bool = False
+    sections: Sequence[ReportSection], pictures: Sequence[Markup], problems: Sequence[str] = (), short: bool = False
 ) -> str:
-    """The page: HTML that refers to no other file; `problems` are lines on files that cannot be shown."""
+    """Page: HTML that refers to no other file; `problems` are lines on files that cannot be shown."""
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent),
         autoescape=True,

@@ -1,4 +1,4 @@
-"""The sections of a report, one for each experiment."""
+"""Sections of a report, one for each experiment."""
 
 import json
 import math
@@ -17,13 +17,13 @@ from spi.ensemble import protocol
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.printing import sweeps, tables
-from spi.printing.tables import Cell, Grid, unbroken
+from spi.printing.tables import StyledText, TextTable, unbroken
 from spi.printing.text import fraction, human_time, short
 from spi.running import shipped
 from spi.specs import text_of
 from spi.statistics.claims import VERDICTS, orders_of, quantities
 from spi.statistics.curves import curves
-from spi.storage.records import Results
+from spi.storage.records import StoredResults
 from spi.storage.stored import Stored, by_case
 
 if TYPE_CHECKING:  # pandas takes a while
@@ -76,7 +76,7 @@ def _formula(latex: str, block: bool) -> Markup:
 
 
 def equation(read: Sequence[Stored], attributes: Mapping[str, Any]) -> Iterator[Markup]:
-    """The equation that results are of, with its structure and Hamiltonians as far as the cases have one model."""
+    """Equation that results are of, with its structure and Hamiltonians as far as the cases have one model."""
     about = read[0].about
     damping = _DAMPING if "damping" in about.parameters else ""
     friction, fields = (_FRICTION, _FIELDS) if "temperature" in about.parameters else ("", "")
@@ -110,7 +110,7 @@ def _equal(name: str, formula: str, variables: tuple[str, ...]) -> Markup:
 
 
 def _definition(attributes: Mapping[str, Any]) -> dict[str, Any]:
-    """The definition of the system in a spec, or in the file that it names; empty if there is none for all cases."""
+    """Definition of the system in a spec, or in the file that it names; empty if there is none for all cases."""
     model = Document(attributes.get("spec") or "{}", str).data.get("model")
     if not isinstance(model, dict):
         return {}
@@ -126,7 +126,7 @@ class Titled(NamedTuple):
     justified: str  #: "l" or "r" for each column
 
     @classmethod
-    def of(cls, grid: Grid) -> "Titled":
+    def of(cls, grid: TextTable) -> "Titled":
         """A table without the columns that are empty, heading and all, and without breaks that make a column narrow."""
         from pandas import DataFrame
 
@@ -142,7 +142,7 @@ class Titled(NamedTuple):
 
     @property
     def html(self) -> Markup:
-        """The table as HTML."""
+        """Table as HTML."""
         sides = [" class=l" if side == "l" else "" for side in self.justified]
         head = Markup("").join(
             Markup(f"<th{side}>{{}}</th>").format(text) for side, text in zip(sides, self.frame.columns, strict=True)
@@ -184,7 +184,7 @@ _PROVENANCE = {
 }
 
 
-class Section(NamedTuple):
+class ReportSection(NamedTuple):
     """One experiment in a report, but for its figure."""
 
     name: str  #: of the results file, without its ending
@@ -221,13 +221,13 @@ class Section(NamedTuple):
 
     @property
     def tables(self) -> list[Titled]:
-        """The tables among the items, that of the orders before them."""
+        """Tables among the items, that of the orders before them."""
         printed = [item for item in self.items if isinstance(item, Titled)]
         return [self.orders, *printed] if self.orders else printed
 
 
-def section(path: Path, results: Results, anchor: str) -> Section:
-    """The section on the results in the file `path`.
+def section(path: Path, results: StoredResults, anchor: str) -> ReportSection:
+    """Section on the results in the file `path`.
 
     ValueError if they are of an unknown kind or hold nothing, StorageError if they cannot be read as such.
     """
@@ -239,7 +239,7 @@ def section(path: Path, results: Results, anchor: str) -> Section:
         raise ValueError("the results hold no scheme, so there is nothing to report")
     judged, attributes = views.verdicts(results), results.attributes
     counts = Counter(one.verdict for one in judged)
-    return Section(
+    return ReportSection(
         name=path.stem,
         anchor=anchor,
         title=views.title(results, read) or path.stem,
@@ -264,15 +264,15 @@ def section(path: Path, results: Results, anchor: str) -> Section:
     )
 
 
-def _items(results: Results) -> Iterator[Titled | str]:
-    """The tables and lines of `spi show`, those of claims among them."""
+def _items(results: StoredResults) -> Iterator[Titled | str]:
+    """Tables and lines of `spi show`, those of claims among them."""
     for items, judged in views.by_cases(results):
         for item in [*items, *[tables.grid(judged)] * bool(judged)]:
-            yield Titled.of(item) if isinstance(item, Grid) else item.text
+            yield Titled.of(item) if isinstance(item, TextTable) else item.text
 
 
 def _answers(read: Sequence[Stored]) -> Facts:
-    """The sentences that answer the question in each case, or its main quantities; of a sweep those that it shows."""
+    """Sentences that answer the question in each case, or its main quantities; of a sweep those that it shows."""
     texts = [(whole.title, sweeps.headline(whole.curves)) for whole in views.wholes(read)]
     if not texts:
         cases = by_case(read)
@@ -292,9 +292,9 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
         for one in orders_of(case):
             subject = f"{one.subject}, largest over eps" if one.name == "uniform_order" else one.subject
             theory = "" if math.isnan(one.expected) else fraction(one.expected)
-            rows.append([Cell(text) for text in (*[title] * several, subject, sweeps.quantity_text(one), theory)])
+            rows.append([StyledText(text) for text in (*[title] * several, subject, sweeps.quantity_text(one), theory)])
     headings = (*["case"] * several, "scheme", "order (95 %)", "expected")
-    return Titled.of(Grid("orders", headings, [rows], several + 1)) if rows else None
+    return Titled.of(TextTable("orders", headings, [rows], several + 1)) if rows else None
 
 
 def _cost(read: Sequence[Stored]) -> Iterator[tuple[str, str]]:
@@ -318,7 +318,7 @@ def _provenance(attributes: dict[str, Any]) -> Iterator[tuple[str, str]]:
 
 
 def _from_spec(name: str, attributes: dict[str, Any]) -> str:
-    """The command that repeats results from their spec, by its name if it came with the program as it stands there."""
+    """Command that repeats results from their spec, by its name if it came with the program as it stands there."""
     if name in shipped.names() and text_of(shipped.path_of(name)) == attributes.get("spec"):
         words = ["spi", "run", name]
     else:

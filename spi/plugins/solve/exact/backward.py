@@ -8,7 +8,7 @@ import numpy as np
 
 
 def numbers_of_steps(final_time, steps):
-    """The number of steps of each size; ValueError where the final time is not a multiple."""
+    """Number of steps of each size; ValueError where the final time is not a multiple."""
     numbers = [round(final_time / h) for h in steps]
     for n, h in zip(numbers, steps, strict=True):
         if n < 1 or abs(n * h - final_time) > 1e-9 * final_time:
@@ -50,7 +50,7 @@ def split(words):
 
 
 def _common(words):
-    """The length of the common beginning."""
+    """Length of the common beginning."""
     return next((i for i, same in enumerate(zip(*words, strict=False)) if len(set(same)) > 1), min(map(len, words)))
 
 

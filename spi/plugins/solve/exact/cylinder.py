@@ -59,7 +59,7 @@ REFINEMENT = 1.4  #: ratio of a grid to the coarser one by which its error is es
 
 
 class Problem(NamedTuple):
-    """The equation, initial value and functions in the coordinates of a cylinder."""
+    """Equation, initial value and functions in the coordinates of a cylinder."""
 
     initial: tuple
     T: float
@@ -69,17 +69,17 @@ class Problem(NamedTuple):
 
     @property
     def r(self):
-        """The radius."""
+        """Radius."""
         return float(np.hypot(*self.initial[1:]))
 
     @property
     def speed(self):
-        """The largest speed of y_1 by the drift."""
+        """Largest speed of y_1 by the drift."""
         return abs(self.rates[1]) * self.r
 
     @property
     def diffusion(self):
-        """The largest diffusion coefficient of y_1 by the noise."""
+        """Largest diffusion coefficient of y_1 by the noise."""
         return abs(self.sigma[1]) * self.r
 
     def rough(self, half_width):
@@ -95,7 +95,7 @@ class Problem(NamedTuple):
         return part == "drift" or self.sigma[k] != 0
 
 
-class Grid:
+class Mesh:
     """A grid on the cylinder with y(0) at its node (0, 0).
 
     A function is held as its Fourier transform in alpha, or in y_1, whichever the last group of flows used.
@@ -123,7 +123,7 @@ class Grid:
             counted(seconds_of_kinks(problem.functions[f], self.shape))
 
     def _projected(self, phi, half_width):
-        """The transform of a function with kinks, from a finer grid and through a low-pass filter."""
+        """Transform of a function with kinks, from a finer grid and through a low-pass filter."""
         n1, n_alpha = self.shape
         y1, y2, y3 = self.problem.initial
         angle, r = np.arctan2(y3, y2), self.problem.r
@@ -163,7 +163,7 @@ class Grid:
         return scipy.fft.irfft(self._turn(1, 0, f)[:, 0] * low_pass(self.m), self.shape[1], axis=1)[:, 0]
 
     def seconds(self, plan):
-        """The seconds of a step, roughly."""
+        """Seconds of a step, roughly."""
         begin, branches, end = plan
         groups = len(begin) + len(end) + sum(len(word) for _, word in branches)
         return groups * SECONDS * self.start.shape[0] * prod(self.shape)
@@ -194,7 +194,7 @@ class Grid:
 
 
 def seconds_of_kinks(phi, shape):
-    """The seconds to look for the kinks of a function on a grid, roughly."""
+    """Seconds to look for the kinks of a function on a grid, roughly."""
     return KINKS[0] * len(phi.singular) * sum(shape) + KINKS[1] * prod(shape)
 
 
@@ -240,7 +240,7 @@ def domain(problem, strang, fewest, accuracy):
         return safe, target
     constant = problem._replace(functions=(lambda y: np.ones_like(y[0]),))
     for share in (0.2, 0.3, 0.4, 0.5, 0.6, 0.7, 0.8, 0.9):
-        grid = Grid(constant, *_first_size(share * safe), share * safe)
+        grid = Mesh(constant, *_first_size(share * safe), share * safe)
         killed = max(abs(1 - grid.run(strang, min(n, 512))[0]) for n in (fewest, max(64, fewest)))
         if killed < target:
             return share * safe, float(killed)
@@ -253,7 +253,7 @@ def resolution(problem, strang, half_width, accuracy):
 
     def value(size):
         if size not in values:
-            values[size] = Grid(problem, *size, half_width).run(strang, n)
+            values[size] = Mesh(problem, *size, half_width).run(strang, n)
         return values[size]
 
     size = _first_size(half_width)
@@ -424,7 +424,7 @@ class Refining:
             self.sizes.append(size)
 
     def costs(self, steps):
-        """The seconds of all refinements, with so many steps."""
+        """Seconds of all refinements, with so many steps."""
         functions = self.problem.functions
         kinks = [phi for phi, rough in zip(functions, self.rough, strict=True) if rough]
         of_point = SECONDS * len(functions) * len(self.strang[0]) * float(steps)
@@ -439,7 +439,7 @@ class Refining:
     def refine(self, number):
         """(values (F,), their uncertainties, steps taken) of refinement number 0, 1, ...."""
         size, half_width = self._grid(number)
-        grid = Grid(self.problem, *size, half_width)
+        grid = Mesh(self.problem, *size, half_width)
         limits, values, steps = [], [], 0
         for n in FIRST * 2 ** np.arange(DEPTH + 1):
             values.append(grid.run(self.strang, int(n)))
@@ -474,7 +474,7 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
 
 
 def _largest(problem):
-    """The largest |phi| on the circle of the initial value: less than on the whole cylinder."""
+    """Largest |phi| on the circle of the initial value: less than on the whole cylinder."""
     y1, y2, y3 = problem.initial
     angle, r = np.linspace(0, 2 * np.pi, 256), np.hypot(y2, y3)
     y = np.array([np.full_like(angle, y1), r * np.cos(angle), r * np.sin(angle)])
@@ -489,22 +489,22 @@ def _problem(model, initial, final_time, functions):
 
 
 def _grids(problem, size, half_width, rough):
-    """The grid of this size, one coarser in y_1 with a wider period, and one coarser in alpha.
+    """Grid of this size, one coarser in y_1 with a wider period, and one coarser in alpha.
 
     With functions that are `rough` two more: changes from grid to grid may be small by chance where there are kinks.
     """
     wider, coarser = 1.1 * half_width, [n / REFINEMENT for n in size]
     grids = [
-        Grid(problem, *size, half_width),
-        Grid(problem, even(coarser[0] * (wider + LAYER) / (half_width + LAYER)), size[1], wider),
-        Grid(problem, size[0], even(coarser[1]), half_width),
+        Mesh(problem, *size, half_width),
+        Mesh(problem, even(coarser[0] * (wider + LAYER) / (half_width + LAYER)), size[1], wider),
+        Mesh(problem, size[0], even(coarser[1]), half_width),
     ]
     more = [[even(n / REFINEMENT**k) for n in size] for k in (1, 2)] if rough else []
-    return grids + [Grid(problem, *each, half_width) for each in more]
+    return grids + [Mesh(problem, *each, half_width) for each in more]
 
 
 class _Run(NamedTuple):
-    """The results on one grid for F functions and S step sizes, with their uncertainties."""
+    """Results on one grid for F functions and S step sizes, with their uncertainties."""
 
     limit: np.ndarray  #: (F,)
     limit_uncertain: np.ndarray
@@ -519,7 +519,7 @@ def _bounds(runs, rough, floor, disagreement):
     finest, others = runs[0], runs[1:]
 
     def of_grid(of):
-        """The sum of the changes in both directions; where there are kinks twice the largest change on any grid."""
+        """Sum of the changes in both directions; where there are kinks twice the largest change on any grid."""
         changes = np.abs([of(finest) - of(run) for run in others])
         return np.where(rough.reshape(-1, *[1] * (changes.ndim - 2)), 2 * changes.max(axis=0), sum(changes[:2]))
 

@@ -34,8 +34,8 @@ CLASSES = (0, 1, 2, 3)
 KEPT = 128
 
 
-class Chain(NamedTuple):
-    """The states of one order m > 0 of a class, l = m, ..., L."""
+class OrderStates(NamedTuple):
+    """States of one order m > 0 of a class, l = m, ..., L."""
 
     order: int
     states: np.ndarray  #: their positions among the states of the class
@@ -50,12 +50,12 @@ def is_cosine(which, degree):
 
 
 def shifted(which, by=1):
-    """The class to which U^by takes the class."""
+    """Class to which U^by takes the class."""
     return which if which == 3 else (which + by) % 3
 
 
 class Harmonics:
-    """The four classes up to degree L: positions, chains and the shift U.
+    """Four classes up to degree L: positions, chains and the shift U.
 
     Within a class states are sorted by degree, then order.  ``turn[c][l]`` is the orthogonal matrix of U from degree l
     of class c to degree l of ``shifted(c)``.
@@ -78,7 +78,7 @@ class Harmonics:
 
     def _chain(self, which, m, nodes, vectors):
         _, states, cosine = self._states(which, m)
-        return Chain(m, states, np.where(cosine, 1.0, -1.0), nodes, vectors)
+        return OrderStates(m, states, np.where(cosine, 1.0, -1.0), nodes, vectors)
 
     def _states(self, which, m):
         """(degrees, positions, whether they have cos(m phi)) of the states of order m in a class."""
@@ -188,7 +188,7 @@ class Harmonics:
         return self._sort(lambda P, m: ((P @ modes[:, :, m].real.T), (P @ -modes[:, :, m].imag.T)), z, len(modes))
 
     def evaluation(self, point):
-        """The vectors e_c with f(point) = sum_c e_c . f_c, for a point of the unit sphere."""
+        """Vectors e_c with f(point) = sum_c e_c . f_c, for a point of the unit sphere."""
         phi = np.arctan2(point[1], point[0])
         vectors = self._sort(lambda P, m: (P * np.cos(m * phi), P * np.sin(m * phi)), np.array([point[2]]), 1)
         return {c: v[:, 0] for c, v in vectors.items()}
@@ -205,7 +205,7 @@ class Harmonics:
 
 
 def harmonics_up_to(L):
-    """The :class:`Harmonics` of a degree; those of low degrees, of which many fit into memory, are cached."""
+    """:class:`Harmonics` of a degree; those of low degrees, of which many fit into memory, are cached."""
     return _cached(L) if L <= KEPT else Harmonics(L)
 
 
@@ -218,12 +218,12 @@ def seconds_to_make(L):
 
 
 def _making(L, degree):
-    """The part of :func:`seconds_to_make` for one degree."""
+    """Part of :func:`seconds_to_make` for one degree."""
     return seconds_to_make(L) * 3 * degree**2 / L**3
 
 
 def _antisymmetric(rows, columns, values, size):
-    """The sparse antisymmetric matrix with these entries below the diagonal, lists of arrays."""
+    """Sparse antisymmetric matrix with these entries below the diagonal, lists of arrays."""
     entries = np.concatenate(values), (np.concatenate(rows), np.concatenate(columns))
     lower = coo_array(entries, (size, size)).tocsr()
     return lower - lower.T.tocsr()

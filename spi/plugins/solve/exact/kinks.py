@@ -123,7 +123,7 @@ def _with_hats(phi, point, rows, columns, cells, along, across, weights):
 
 
 def _coefficients(values, half, few):
-    """The Fourier coefficients (2 half, few) of values on a grid."""
+    """Fourier coefficients (2 half, few) of values on a grid."""
     modes = scipy.fft.rfft(values, axis=1)[:, :few]
     modes = scipy.fft.fft(modes, axis=0, overwrite_x=True) / values.size
     return np.concatenate([modes[:half], modes[-half:]])
@@ -135,14 +135,14 @@ def low_pass(wave, largest=None):
 
 
 class Settling(NamedTuple):
-    """The error of the last of a sequence of refinements, (F,) each."""
+    """Error of the last of a sequence of refinements, (F,) each."""
 
     error: np.ndarray  #: infinite before there are enough refinements
     falls: np.ndarray  #: the factor by which errors fall from one refinement to the next; NaN before there are enough
 
 
 def settling(values, rough):
-    """The :class:`Settling` of values (refinements, F) of functions with kinks (`rough` (F,) not 0) or without.
+    """:class:`Settling` of values (refinements, F) of functions with kinks (`rough` (F,) not 0) or without.
 
     For smooth functions the error is the last change, or a quarter of the change before where that is larger (a change
     may be small by chance).  For the others changes vary with the places of kinks between points: the error is

@@ -1,4 +1,4 @@
-"""The expectation of the equation alone, refined up to a given accuracy, with the cost of each refinement.
+"""Expectation of the equation alone, refined up to a given accuracy, with the cost of each refinement.
 
 A refinement is given by its number and needs nothing of those before, so that another process can go on from their
 values only.  Costs are in seconds of typical speed, from counts of operations, not from a clock: decisions by them are
@@ -21,7 +21,7 @@ class Refined(NamedTuple):
     least: int  #: refinements before the error can be estimated
 
 
-class Known:
+class KnownExpectations:
     """In the place of a solver that refines: expectations (F,) that are known up to errors of at most `bound`."""
 
     effort = 0.0
@@ -35,7 +35,7 @@ class Known:
 
 
 class Outlook(NamedTuple):
-    """The cost of going on to a wanted accuracy."""
+    """Cost of going on to a wanted accuracy."""
 
     next_seconds: float  #: of the next refinement; infinite where there is none
     next_bound: float  #: the error that it is expected to reach
@@ -50,7 +50,7 @@ _KNOWN = 4
 
 
 def refined(values, uncertain, rough):
-    """The :class:`Refined` of refinements (k, F), with uncertainties (k, F), of functions `rough` (F,) or not."""
+    """:class:`Refined` of refinements (k, F), with uncertainties (k, F), of functions `rough` (F,) or not."""
     values, uncertain = np.asarray(values, float), np.asarray(uncertain, float)
     least = _KNOWN if np.any(rough) else _KNOWN - 1
     if not len(values):
@@ -64,7 +64,7 @@ def refined(values, uncertain, rough):
 
 
 def outlook(so_far, number, costs, accuracy):
-    """The :class:`Outlook` after `number` refinements, `costs` being the seconds of all possible refinements."""
+    """:class:`Outlook` after `number` refinements, `costs` being the seconds of all possible refinements."""
     left, bound = costs[number:], float(so_far.bound.max())
     if bound <= accuracy:
         return Outlook(0.0, bound, 0.0, 0)

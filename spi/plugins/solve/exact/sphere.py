@@ -38,8 +38,8 @@ from .kinks import roughness, settling
 _AT_ONCE = 2500
 
 
-class Factor(NamedTuple):
-    """The operator exp(turn A_k + spread A_k^2) of one or more flows about axis k."""
+class AxisOperator(NamedTuple):
+    """Operator exp(turn A_k + spread A_k^2) of one or more flows about axis k."""
 
     axis: int
     turn: float
@@ -47,17 +47,17 @@ class Factor(NamedTuple):
 
 
 def factors(turn, spread, composition, h):
-    """The factors of one composition in the order in which they act on f, the last flow first.
+    """Factors of one composition in the order in which they act on f, the last flow first.
 
     `turn` and `spread` are the coefficients of A_k and A_k^2 in the generator.
     """
     coefficients = {"drift": turn, "noise": spread}
     word = acting_on_functions(composition, lambda part, k: coefficients[part][k] != 0)
-    return tuple(Factor(k, drift * h * turn[k], noise * h * spread[k]) for k, drift, noise in joined(word))
+    return tuple(AxisOperator(k, drift * h * turn[k], noise * h * spread[k]) for k, drift, noise in joined(word))
 
 
-class Step:
-    """The backward operator of a step in one class of functions.
+class BackwardStep:
+    """Backward operator of a step in one class of functions.
 
     `words` are (probability, factors); the common beginning and end of all words are applied once.
     """
@@ -70,7 +70,7 @@ class Step:
 
     @property
     def length(self):
-        """The number of factors that are applied."""
+        """Number of factors that are applied."""
         return len(self.before) + len(self.after) + sum(len(word) for _, word in self.branches)
 
     def increment(self, V):
@@ -305,7 +305,8 @@ def demands(model, compositions, initial, final_time, steps, functions, accuracy
         obstacle = f"knows functions of up to {LEVELS[-1]} waves {on}, these have more"
         return Demands(np.inf, np.inf, obstacle, "decrease initial, or use functions that oscillate less")
     weak, finer = problem.tried(problem.level(waves))
-    cubes = max([*weak, *finer]) ** 3 + max(Step(None, 0, problem.words(h)).length for h in steps) * weak[-1] ** 3
+    longest = max(BackwardStep(None, 0, problem.words(h)).length for h in steps)
+    cubes = max([*weak, *finer]) ** 3 + longest * weak[-1] ** 3
     memory = 1e8 + 8 * cubes + 24 * (min(weak[-1], 160) ** 2 / 4) ** 2
     least = 2 * ROUNDING * float(problem.size()[0].max())
     seconds = sum(map(problem.cost, weak)) + sum(map(problem.cost_of_limit, finer))
@@ -349,7 +350,7 @@ def exact_expectations(model, initial, final_time, functions, accuracy, most_sec
 
 
 def seconds_of_equation(model, initial, final_time, functions, most_seconds=LONGEST_FIRST):
-    """The seconds of :func:`exact_expectations`, roughly, from the waves of the functions."""
+    """Seconds of :func:`exact_expectations`, roughly, from the waves of the functions."""
     times = np.atleast_1d(np.asarray(final_time, float))
     problem = _Problem.of(model, initial, times[-1], functions)
     with np.errstate(all="ignore"):
@@ -372,7 +373,7 @@ class Refining:
         self.effort = USED * len(functions)
 
     def costs(self, columns):
-        """The seconds of all refinements, with so many columns of coefficients in all classes."""
+        """Seconds of all refinements, with so many columns of coefficients in all classes."""
         return [self.problem.cost_of_limit(L, columns=int(columns)) + self.problem.making(L) for L in LEVELS]
 
     def refine(self, number):
@@ -396,7 +397,7 @@ def _refined_limit(problem, limits, goal, times):
 
 
 def _at_rest(problem):
-    """The expectations from a point on an axis, where nothing moves (and where expectations are least smooth)."""
+    """Expectations from a point on an axis, where nothing moves (and where expectations are least smooth)."""
     limit = values_at(problem.initial, problem.functions)
     weak_error = limit[:, None] * np.zeros(len(problem.steps))
     bounds = weak_error, 0 * limit, weak_error
@@ -409,7 +410,7 @@ def _settled(by_degree, rounding, rough):
 
 
 def extrapolate(steps, weak_error):
-    """The polynomial through the weak errors at the smallest steps (at most seven), at h = 0; and its error.
+    """Polynomial through the weak errors at the smallest steps (at most seven), at h = 0; and its error.
 
     That is the limit extrapolated from the scheme minus the limit from the generator.  The error is taken
     to be the change when the largest of the steps is left out; infinite for less than three steps.
@@ -455,7 +456,7 @@ class _Problem(NamedTuple):
 
     @classmethod
     def of(cls, model, initial, final_time, functions, compositions=((1.0, ()),), steps=None):
-        """The problem of a scheme, or of the equation alone."""
+        """Problem of a scheme, or of the equation alone."""
         initial, steps = np.asarray(initial, float), np.asarray([final_time] if steps is None else steps, float)
         counts = numbers_of_steps(final_time, steps)
         if abs(sum(p for p, _ in compositions) - 1) > 1e-12:
@@ -476,7 +477,7 @@ class _Problem(NamedTuple):
         return np.count_nonzero(self.initial) <= 1
 
     def size(self):
-        """The largest |phi| and the integral of phi^2 over the unit sphere, both roughly (F,)."""
+        """Largest |phi| and the integral of phi^2 over the unit sphere, both roughly (F,)."""
         points = self.radius * _all_over()
         values = np.array([np.broadcast_to(f(points), points.shape[1]) for f in self.functions])
         return abs(values).max(axis=1), 4 * np.pi * np.mean(values**2, axis=1)
@@ -489,7 +490,7 @@ class _Problem(NamedTuple):
         return [(p, factors(self.turn, self.spread, word, h)) for p, word in self.compositions]
 
     def parts(self, L):
-        """The :class:`_Parts` of the functions up to degree L."""
+        """:class:`_Parts` of the functions up to degree L."""
         harmonics, classes = harmonics_up_to(L), []
         coefficients = harmonics.project(self.functions, self.radius, self.rough)
         counted(self.projecting(L))
@@ -516,17 +517,17 @@ class _Problem(NamedTuple):
         values = parts.nothing[:, None] + np.zeros(len(self.steps))
         for c, on, e, V in parts.classes:
             for i, (h, n) in enumerate(zip(self.steps, self.counts, strict=True)):
-                values[on, i] += e @ Step(parts.harmonics, c, self.words(h)).power(V, n)
+                values[on, i] += e @ BackwardStep(parts.harmonics, c, self.words(h)).power(V, n)
         return values
 
     def cost(self, L):
-        """The seconds of the values of the scheme and the limit, roughly."""
-        lengths = [Step(None, 0, self.words(h)).length for h in self.steps]
+        """Seconds of the values of the scheme and the limit, roughly."""
+        lengths = [BackwardStep(None, 0, self.words(h)).length for h in self.steps]
         steps = sum(cheapest(L, n, length)[0] for n, length in zip(self.counts, lengths, strict=True))
         return 3 * steps + self.cost_of_limit(L)
 
     def cost_of_limit(self, L, times=None, columns=None):
-        """The seconds of the limit alone, at one time or at several that increase, roughly."""
+        """Seconds of the limit alone, at one time or at several that increase, roughly."""
         beta, rho = bounds(L, self.turn, self.spread)
         each = np.array([self.time]) if times is None else np.diff(times, prepend=0.0)
         with np.errstate(all="ignore"):
@@ -536,12 +537,12 @@ class _Problem(NamedTuple):
         return float(terms) * term(L, min(columns, len(CLASSES)), columns)
 
     def seconds_of_first_limits(self):
-        """The seconds of the three coarsest degrees of the limit, roughly."""
+        """Seconds of the three coarsest degrees of the limit, roughly."""
         with np.errstate(all="ignore"):
             return 2 * self.cost_of_limit(LEVELS[2])
 
     def making(self, L):
-        """The seconds of the harmonics and the coefficients of the functions, roughly."""
+        """Seconds of the harmonics and the coefficients of the functions, roughly."""
         return seconds_to_make(L) + self.projecting(L)
 
     def projecting(self, L):
@@ -571,12 +572,12 @@ class _Problem(NamedTuple):
         return lost, most
 
     def level(self, waves):
-        """The number of the degree that is enough, roughly, for functions of `waves` waves."""
+        """Number of the degree that is enough, roughly, for functions of `waves` waves."""
         turned = sum(map(abs, self.turn))  # shear makes waves, and noise smooths them
         degree = 2 * waves * (1 + min(self.time * turned, turned / max(sum(self.spread), 1e-300)) / 8)
         return max(2, int(np.searchsorted(LEVELS, degree)))
 
     def tried(self, level):
-        """The degrees at which schemes are solved if number `level` is enough, and those for the limit alone."""
+        """Degrees at which schemes are solved if number `level` is enough, and those for the limit alone."""
         weak = [L for i, L in enumerate(LEVELS) if i < 3 or (i <= level and self.cost(L) <= LONGEST)]
         return weak, [L for L in LEVELS[len(weak) : len(weak) + 3] if self.cost_of_limit(L) <= LONGEST_LIMIT]

@@ -1,1 +1,1 @@
-"""The kinds of experiment to which this plug-in adds."""
+"""Kinds of experiment to which this plug-in adds."""

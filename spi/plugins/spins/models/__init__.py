@@ -21,7 +21,7 @@ from .cells import call_of_sums
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
 from .tables import tables
-from .whole import Sampled, Whole
+from .whole import SampledGibbs, WholeLattice
 
 Vector = tuple[float, float, float]
 _MOST_NAMED = 4096  # sites whose components have names in formulas
@@ -30,13 +30,13 @@ _SWEEPS = 1000  # over a lattice, by which a state of the Gibbs law is drawn
 
 
 def in_words(record: Any) -> str:
-    """The fields of a record that are not as by default."""
+    """Fields of a record that are not as by default."""
     fields = record._asdict().items()
     return ", ".join(f"{key} {value}" for key, value in fields if value != record._field_defaults.get(key))
 
 
 class Terms(NamedTuple):
-    """The terms of some bonds of the cell."""
+    """Terms of some bonds of the cell."""
 
     exchange: Annotated[float | Vector, "J, or [Jx, Jy, Jz]"] = 0.0
     dm: Annotated[float | Vector, "the Dzyaloshinskii-Moriya vector D, or its length along the bond"] = 0.0
@@ -47,7 +47,7 @@ class Terms(NamedTuple):
 
 
 class Anisotropy(NamedTuple):
-    """The anisotropy of all sites."""
+    """Anisotropy of all sites."""
 
     uniaxial: Annotated[float, "K of -K (a . s)^2"] = 0.0
     axis: Annotated[Vector, "its axis a"] = (0.0, 0.0, 1.0)
@@ -136,10 +136,10 @@ class Spins(NamedTuple):
         return [call_of_sums(model)]
 
     def one_path(model, scheme, h):
-        return Whole.of(model, math.inf, scheme, h)
+        return WholeLattice.of(model, math.inf, scheme, h)
 
     def gibbs_law(model, temperature, sweeps):
-        return Sampled(model, temperature, sweeps or _SWEEPS)
+        return SampledGibbs(model, temperature, sweeps or _SWEEPS)
 
     def fault(model):
         return _fault(model)
@@ -169,13 +169,13 @@ class Spins(NamedTuple):
         return tuple(f"{x}({i})" for i in range(1, count + 1) for x in "xyz")
 
     def named_numbers(model):
-        """The fields that are numbers, n sites, and the numbers of a definition."""
+        """Fields that are numbers, n sites, and the numbers of a definition."""
         numbers = {key: x for key, x in model._asdict().items() if isinstance(x, float)}
         return numbers | {"n": dimension(model) // 3} | _NAMED.get(model, {})
 
     @property
     def cell(model) -> Cell:
-        """The cell that repeats."""
+        """Cell that repeats."""
         return LATTICES[model.lattice] if isinstance(model.lattice, str) else model.lattice
 
     @property
@@ -185,7 +185,7 @@ class Spins(NamedTuple):
 
     @property
     def sites(model) -> Lattice:
-        """The sites and bonds."""
+        """Sites and bonds."""
         return lattice(model.cell, model.size, model.is_periodic)
 
 
@@ -216,7 +216,7 @@ class ThermalSpins(NamedTuple):
         return tables(model.model, model.temperature)
 
     def one_path(model, scheme, h):
-        return Whole.of(model.model, model.temperature, scheme, h)
+        return WholeLattice.of(model.model, model.temperature, scheme, h)
 
 
 def _fault(model):

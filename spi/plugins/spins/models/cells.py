@@ -12,14 +12,13 @@ from numba import prange
 
 from spi.compiler.dispatch import device, kernel
 from spi.compiler.vectors import without_refcount
+from spi.numerics.types import Array
 
 from .tables import bond_matrices
 
-Array = np.ndarray
 
-
-class Cells(NamedTuple):
-    """The neighbours of the sites of a cell, and the lattice that it makes."""
+class CellNeighbours(NamedTuple):
+    """Neighbours of the sites of a cell, and the lattice that it makes."""
 
     size: Array  #: (3,) cells along each vector
     first: Array  #: (sites of the cell + 1,) where the neighbours of a site begin
@@ -31,8 +30,8 @@ class Cells(NamedTuple):
 
 
 @functools.lru_cache(16)
-def cells_of(model: Any, along: int | None = None) -> Cells:
-    """The :class:`Cells` of a lattice of spins; with `along` bonds count by how far they lead along that vector."""
+def cells_of(model: Any, along: int | None = None) -> CellNeighbours:
+    """Neighbours in a lattice of spins; with `along` bonds count by how far they lead along that vector."""
     matrices, cell = bond_matrices(model), model.cell
     away = np.ones(len(cell.bonds)) if along is None else cell.displacements[:, along]
     back = 1.0 if along is None else -1.0
@@ -42,7 +41,7 @@ def cells_of(model: Any, along: int | None = None) -> Cells:
         ends[j].append((i, -np.array(shift), back * far * matrix.T))
     every = [end for of_site in ends for end in of_site]
     couplings = np.array([matrix.ravel() for _, _, matrix in every]).reshape(-1, 9)
-    return Cells(
+    return CellNeighbours(
         size=np.array((*model.size, 1, 1)[:3]),
         first=np.cumsum([0, *map(len, ends)]),
         other=np.array([other for other, _, _ in every], np.int64),
@@ -61,7 +60,7 @@ def neighbour_fields(model: Any, state: Array, along: int | None = None) -> Arra
 
 
 def bond_energy(model: Any, state: Array) -> float:
-    """The energy of all bonds."""
+    """Energy of all bonds."""
     of = cells_of(model)
     rows = np.empty(of.size[0] * of.size[1])
     sum_cells(of, np.ascontiguousarray(state), np.empty(0), rows)
@@ -69,7 +68,7 @@ def bond_energy(model: Any, state: Array) -> float:
 
 
 def call_of_sums(model: Any) -> tuple[Any, tuple[Any, ...]]:
-    """The kernel and the arguments of a call of no rows, which only has it compiled."""
+    """Kernel and the arguments of a call of no rows, which only has it compiled."""
     nothing = np.empty(0)
     return sum_cells, (cells_of(model), nothing, nothing, nothing)
 
@@ -85,7 +84,7 @@ def sum_cells(cells, state, fields, rows):
 
 @device(inline=False)
 def sum_of_row(cells, row, state, fields):
-    """The sum over the cells of one row, those with the same first two places."""
+    """Sum over the cells of one row, those with the same first two places."""
     x, y = row // cells.size[1], row % cells.size[1]
     length, per_cell, total = cells.size[2], len(cells.first) - 1, 0.0
     rows = np.empty(len(cells.other), np.int64)  # where the row of a neighbour begins, -1 where there is none
@@ -123,5 +122,5 @@ def sum_of_row(cells, row, state, fields):
 
 @device
 def spin_at(y, i):
-    """The spin of site i, a view: Numba cannot see that an index such as 3 i is not negative."""
+    """Spin of site i, a view: Numba cannot see that an index such as 3 i is not negative."""
     return without_refcount(y[3 * i : 3 * i + 3])

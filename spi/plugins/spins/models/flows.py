@@ -29,7 +29,7 @@ def cross(ax, ay, az, bx, by, bz):
 
 @device
 def change_by_turn(angles, wx, wy, wz, x, y, z):
-    """The change of a vector that turns about w by the angle |w| (Rodrigues' formula)."""
+    """Change of a vector that turns about w by the angle |w| (Rodrigues' formula)."""
     sinc, versinc = sinc_versinc(angles, wx * wx + wy * wy + wz * wz)
     ax, ay, az = cross(wx, wy, wz, x, y, z)
     bx, by, bz = cross(wx, wy, wz, ax, ay, az)
@@ -38,7 +38,7 @@ def change_by_turn(angles, wx, wy, wz, x, y, z):
 
 @device
 def towards(bx, by, bz, alpha_t, x, y, z):
-    """The spin after damping for the time t in the field b: the flow of s' = alpha (b - (s . b) s).
+    """Spin after damping for the time t in the field b: the flow of s' = alpha (b - (s . b) s).
 
     With n = b / |b|, u = s . n, c = cosh(alpha |b| t) and q = sinh(alpha |b| t), s becomes
     (s + ((c - 1) u + q) n) / (c + u q): a Moebius map of the sphere.
@@ -70,13 +70,13 @@ def towards_near(bx, by, bz, alpha_t, x, y, z):
 
 @device
 def unit_factor(x, y, z):
-    """The factor that takes away roundings of the length of a spin: a step of Newton's method for 1 / |s|."""
+    """Factor that takes away roundings of the length of a spin: a step of Newton's method for 1 / |s|."""
     return 1.5 - 0.5 * (x * x + y * y + z * z)
 
 
 @device
 def noise_factor(square):
-    """The factor of the vector w of independent normals by which a spin turns, given |w|^2.
+    """Factor of the vector w of independent normals by which a spin turns, given |w|^2.
 
     One turn by w (1 - |w|^2 / 120) has the means of Brownian motion on the sphere up to the square of the variance, for
     spherical harmonics of all degrees l: E sum_m cos(m |w|) / (2l + 1) = exp(-l(l+1) v / 2) + O(v^3).

@@ -23,7 +23,7 @@ SPIN = 3 * LANES  #: floats of a site
 
 
 class Form(enum.IntEnum):
-    """The forms of pieces."""
+    """Forms of pieces."""
 
     PAIRS = 0  #: two spins turn about their sum
     TURNED_PAIRS = 1  #: the second in a turned frame
@@ -188,7 +188,7 @@ class SpinTables(NamedTuple):
 
 @device
 def site_energy(model, i, y):
-    """The energy of the terms of site i, with half of that of its bonds, in a state that is an array."""
+    """Energy of the terms of site i, with half of that of its bonds, in a state that is an array."""
     sx, sy, sz = y[3 * i], y[3 * i + 1], y[3 * i + 2]
     energy = -(model.field[i, 0] * sx + model.field[i, 1] * sy + model.field[i, 2] * sz)
     for e in range(model.neighbours[i], model.neighbours[i + 1]):
@@ -209,7 +209,7 @@ def own_term(model, x, y, z):
 
 @device
 def spin_of(y, i):
-    """The spin of site i in all lanes, a view (3 LANES,): loops over it become vector instructions.
+    """Spin of site i in all lanes, a view (3 LANES,): loops over it become vector instructions.
 
     Numba cannot see that an index such as i * SPIN + lane is not negative.
     """
@@ -252,7 +252,7 @@ def add_field(model, i, y, b):
 
 @device
 def gathered(model, y, at, first):
-    """The components of a spin as lanes see it that have it in other lanes."""
+    """Components of a spin as lanes see it that have it in other lanes."""
     return (
         gather(y, at, model.lane_table, first),
         gather(y, at + LANES, model.lane_table, first),
@@ -262,7 +262,7 @@ def gathered(model, y, at, first):
 
 @device
 def coupled(model, row, ax, ay, az, x, y, z):
-    """The field plus A s."""
+    """Field plus A s."""
     if model.isotropic[row]:
         exchange = model.couplings[row, 0]
         return fused(exchange, ax, x), fused(exchange, ay, y), fused(exchange, az, z)
@@ -274,7 +274,7 @@ def coupled(model, row, ax, ay, az, x, y, z):
 
 @device
 def with_own_field(model, x, y, z, bx, by, bz):
-    """The field b and that of the anisotropies, 2 K (a . s) a + 2 K_4 (s_x^3, s_y^3, s_z^3)."""
+    """Field b and that of the anisotropies, 2 K (a . s) a + 2 K_4 (s_x^3, s_y^3, s_z^3)."""
     a, b, c = model.axes[0, 0], model.axes[0, 1], model.axes[0, 2]
     u = a * x + b * y + c * z
     own, cubic = 2.0 * model.uniaxial * u, 2.0 * model.cubic
@@ -312,7 +312,7 @@ def copy_other(model, lanes, s, copy, back):
 
 @device(inline=False)
 def move_members(model, k, t, alpha, begin, end, y, work):
-    """The flow of the members of a piece from `begin` to before `end`, which do not touch each other."""
+    """Flow of the members of a piece from `begin` to before `end`, which do not touch each other."""
     form, small = model.form[k], abs(t) * model.fastest[k] <= SMALL
     near = abs(alpha * t) * model.fastest[k] <= NEAR
     if form <= Form.PRODUCTS:
@@ -470,7 +470,7 @@ def damp_sites(model, alpha_t, near, begin, end, y, b):
 
 @device
 def move_towards(alpha_t, near, s, b):
-    """The damped flow of one site in all lanes."""
+    """Damped flow of one site in all lanes."""
     if near:
         for lane in range(LANES):
             x, y, z = s[lane], s[LANES + lane], s[2 * LANES + lane]
@@ -500,7 +500,7 @@ def damp_axes(model, k, alpha_t, begin, end, y):
 
 @device
 def own_size(model, k, e, u):
-    """The field of an anisotropy along its axis."""
+    """Field of an anisotropy along its axis."""
     return 2.0 * model.rate[e] * (u if model.form[k] == Form.DAMPED_AXES else u * u * u)
 
 
@@ -534,7 +534,7 @@ def noise_of(model, i, a, times):
 
 @device(inline=False)
 def turn_in_rows(model, times, y, work):
-    """The noise of all sites, whose increments stand in the rows that the model names."""
+    """Noise of all sites, whose increments stand in the rows that the model names."""
     count, largest = 1 if len(model.noise_axis) > 0 else 3, 0.0
     for i in range(len(model.moment)):
         for c in range(count):
@@ -564,7 +564,7 @@ def turn_at_random(model, begin, end, times, y):
 
 @device
 def largest_of(angles):
-    """The largest |angle|."""
+    """Largest |angle|."""
     largest = 0
     for lane in range(LANES):  # integers, because a maximum of floats is not vectorised
         largest = max(largest, bits(abs(angles[lane])))
@@ -638,7 +638,7 @@ def turned_about(a, s, v, x, y, z):
 
 @device
 def friction_turn(model, a, c, h, bx, by, bz, x, y, z):
-    """The angle of friction about coordinate axis a over the time h, of order 2, in the field b of the neighbours.
+    """Angle of friction about coordinate axis a over the time h, of order 2, in the field b of the neighbours.
 
     The energy along the turn has the derivative -B . (e_a x s), B = b + the field of the anisotropies, and the second
     derivative -B . (e_a x (e_a x s)) - 2 K (a . (e_a x s))^2, and so on for the cubic one.

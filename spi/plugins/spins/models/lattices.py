@@ -14,17 +14,17 @@ from annotated_types import Len
 from spi.compiler.dispatch import kernel
 
 #: In one and two dimensions the last numbers, which are 0, may be left out.
-Vector = Annotated[tuple[float, ...], Len(1, 3)]
+LatticeVector = Annotated[tuple[float, ...], Len(1, 3)]
 Pair = tuple[int, int, Annotated[tuple[int, ...], Len(1, 3)]]
 
 MOST_COLOURS = 63  #: bits of a word, less its sign
 
 
 class _Cell(NamedTuple):
-    """The fields of a cell."""
+    """Fields of a cell."""
 
-    sites: Annotated[tuple[Vector, ...], Len(1), "places of the sites of a cell, each of one to three numbers"]
-    vectors: Annotated[tuple[Vector, ...], Len(1, 3), "one to three vectors by which the cell repeats"]
+    sites: Annotated[tuple[LatticeVector, ...], Len(1), "places of the sites of a cell, each of one to three numbers"]
+    vectors: Annotated[tuple[LatticeVector, ...], Len(1, 3), "one to three vectors by which the cell repeats"]
     bonds: Annotated[
         tuple[Pair, ...], Len(1), "bonds such as [0, 1, [1, 0, 0]]: site 0 here with site 1 of the cell one further"
     ]
@@ -55,7 +55,7 @@ class Cell(_Cell):
         return cell.fractions[second] - cell.fractions[first] + shifts
 
     def direction(cell, bond):
-        """The unit vector along a bond."""
+        """Unit vector along a bond."""
         first, second, shift = cell.bonds[bond]
         places = np.array(cell.sites)
         along = places[second] - places[first] + np.array(shift[: len(cell.vectors)]) @ np.array(cell.vectors)
@@ -85,7 +85,7 @@ LATTICES = {
 
 
 class Lattice(NamedTuple):
-    """The sites and bonds of a lattice."""
+    """Sites and bonds of a lattice."""
 
     sites: int
     of_cell: np.ndarray  #: (sites,) the number of a site in its cell
@@ -98,7 +98,7 @@ class Lattice(NamedTuple):
 
 @functools.lru_cache(8)
 def lattice(cell: Cell, size: tuple[int, ...], periodic: bool) -> Lattice:
-    """The lattice of `size` cells along the vectors of a cell; ValueError, with a reason, if there is none."""
+    """Lattice of `size` cells along the vectors of a cell; ValueError, with a reason, if there is none."""
     lengths = (*size, 1, 1)[:3]
     per_cell = len(cell.sites)
     cells = np.stack(np.meshgrid(*map(np.arange, lengths), indexing="ij"), axis=-1).reshape(-1, 3)

@@ -12,12 +12,12 @@ from scipy import sparse
 
 from spi.ensemble.long_states import LONG
 from spi.ensemble.protocol import dimension
+from spi.numerics.types import Array
 
 from .cells import bond_energy, neighbour_fields
 from .lattices import lattice
 from .tables import bond_matrices, tables, unit
 
-Array = np.ndarray
 _SLAB = 2**16  # spins of which the solid angles are computed at a time
 
 
@@ -71,7 +71,7 @@ def _signs(model: Any) -> Array:
 
 
 def _sum(values: Array) -> Any:
-    """The sum over the first axis, which is long, in pairs of neighbours."""
+    """Sum over the first axis, which is long, in pairs of neighbours."""
     return np.ascontiguousarray(np.moveaxis(values, 0, -1)).sum(axis=-1)
 
 
@@ -92,7 +92,7 @@ def _correlation(model: Any, r: int, states: Array) -> Any:
 
 @functools.lru_cache(16)
 def _couplings(model: Any, along: int | None = None) -> Any:
-    """The sparse matrix (3 sites, 3 sites) that gives the field of the neighbours.
+    """Sparse matrix (3 sites, 3 sites) that gives the field of the neighbours.
 
     With `along` each neighbour counts by how far away it is along that vector, in cells.
     """
@@ -183,7 +183,7 @@ def _torques(model: Any, states: Array) -> Any:
 
 
 def _laplacian(model: Any, states: Array) -> Any:
-    """The Laplacian of H on the spheres: 2 s . b of bonds and the field, and 6 K u^2 - 2 K, 10 K_4 s_c^4 - 6 K_4.
+    """Laplacian of H on the spheres: 2 s . b of bonds and the field, and 6 K u^2 - 2 K, 10 K_4 s_c^4 - 6 K_4.
 
     A homogeneous polynomial h of degree l has the Laplacian of space less l (l + 1) h.
     """
@@ -199,7 +199,7 @@ def _spin_temperature(model: Any, states: Array) -> Any:
 
 
 def _charge(model: Any, states: Array) -> Any:
-    """The topological charge in two dimensions: the solid angles of both triangles of each cell over 4 pi.
+    """Topological charge in two dimensions: the solid angles of both triangles of each cell over 4 pi.
 
     tan of half an angle is a . (b x c) / (1 + a . b + b . c + c . a) (Berg and Luescher, Nuclear Physics B 190, 1981).
     On an open lattice there is a cell between each four sites, and the sum is no whole number.
@@ -245,7 +245,7 @@ _CORRELATION = re.compile(r"corr([1-9]\d*)")
 
 
 class Observables(Mapping[str, Callable[[Array], Any]]):
-    """The observables of a lattice by name; those of all distances are made when they are asked for."""
+    """Observables of a lattice by name; those of all distances are made when they are asked for."""
 
     def __init__(self, model: Any) -> None:
         self.model, self.named = model, _named(model)
@@ -266,12 +266,12 @@ class Observables(Mapping[str, Callable[[Array], Any]]):
 
 @functools.lru_cache(8)
 def observables_of(model: Any) -> Mapping[str, Callable[[Array], Any]]:
-    """The observables of a lattice by name."""
+    """Observables of a lattice by name."""
     return Observables(model)
 
 
 def _named(model: Any) -> dict[str, Callable[[Array], Any]]:
-    """The observables but those of all distances."""
+    """Observables but those of all distances."""
     named: dict[str, Callable[[Array], Any]] = {
         f"m{x}": functools.partial(_mean, model, False, c) for c, x in enumerate("xyz")
     }

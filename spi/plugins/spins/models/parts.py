@@ -1,4 +1,4 @@
-"""The state of one lattice and its parts, the lanes of a block: copied from one to the other."""
+"""State of one lattice and its parts, the lanes of a block: copied from one to the other."""
 
 import numpy as np
 from numba import prange

@@ -1,4 +1,4 @@
-"""The record of a lattice of spins for kernels: its terms divided into pieces with exact flows.
+"""Record of a lattice of spins for kernels: its terms divided into pieces with exact flows.
 
 A bond has the energy -s . A s'.  With A = U diag(a) V^T, U and V rotations, it is a sum of terms with exact flows: a
 part K U V^T of A, by which s and U V^T s' turn about their sum, and products -(a_c - K)(u_c . s)(v_c . s'), by which
@@ -29,7 +29,7 @@ _EPSILON = 1e-14
 
 
 def moves(matrix: np.ndarray) -> list[Move]:
-    """The parts of -s . A s', their sum; none where A is 0."""
+    """Parts of -s . A s', their sum; none where A is 0."""
     u, a, vt = np.linalg.svd(matrix)
     signs = np.sign([np.linalg.det(u), np.linalg.det(vt)])
     u[:, 2], vt[2], a[2] = u[:, 2] * signs[0], vt[2] * signs[1], a[2] * signs.prod()
@@ -54,7 +54,7 @@ def moves(matrix: np.ndarray) -> list[Move]:
 
 
 class Pieces:
-    """The pieces of a splitting, collected one after the other."""
+    """Pieces of a splitting, collected one after the other."""
 
     def __init__(self) -> None:
         self.forms: list[int] = []
@@ -119,7 +119,7 @@ def lanes_of(around: np.ndarray, parts: tuple[int, ...]) -> tuple[np.ndarray, np
 
 @functools.lru_cache(8)
 def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 1, 1)) -> SpinTables:
-    """The record of a :class:`~spi.plugins.spins.models.Spins` at a temperature, infinite without one.
+    """Record of a :class:`~spi.plugins.spins.models.Spins` at a temperature, infinite without one.
 
     With `parts_of` the lanes are parts of one lattice, of which the model is one part.
     """

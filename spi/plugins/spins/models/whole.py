@@ -47,7 +47,7 @@ _MOST_SHARES = 64  # into which sites are divided among threads
 
 
 class Program(NamedTuple):
-    """The flows of a step, one after the other."""
+    """Flows of a step, one after the other."""
 
     flows: np.ndarray  #: of type FLOW; k is the piece, or the number of the draw of noise, and the share the time
     draws: int  #: evaluations of the generator for each site and step
@@ -57,7 +57,7 @@ class Program(NamedTuple):
 
 @functools.lru_cache(8)
 def parts_of(model: Any) -> tuple[int, int, int] | None:
-    """The number of parts along each vector, 64 in all, with the smallest faces; None if there is no such division."""
+    """Number of parts along each vector, 64 in all, with the smallest faces; None if there is no such division."""
     size = (*model.size, 1, 1)[:3]
     if not model.is_periodic:
         return None
@@ -74,11 +74,11 @@ def parts_of(model: Any) -> tuple[int, int, int] | None:
 
 
 def _part(model: Any, parts: tuple[int, ...]) -> Any:
-    """The model of one part."""
+    """Model of one part."""
     return model._replace(size=tuple(length // part for length, part in zip(model.size, parts, strict=False)))
 
 
-class Whole(NamedTuple):
+class WholeLattice(NamedTuple):
     """A lattice in parts, and the program of a step of a scheme with the step size h."""
 
     model: Any  #: the record of a part for kernels
@@ -86,8 +86,8 @@ class Whole(NamedTuple):
     program: Program
 
     @classmethod
-    def of(cls, model: Any, temperature: float, scheme: Any, h: float) -> "Whole | None":
-        """The program of a composition of flows, or of judged ones; None if the lattice or the scheme has none."""
+    def of(cls, model: Any, temperature: float, scheme: Any, h: float) -> "WholeLattice | None":
+        """Program of a composition of flows, or of judged ones; None if the lattice or the scheme has none."""
         parts = parts_of(model)
         if parts is None:
             return None
@@ -99,13 +99,13 @@ class Whole(NamedTuple):
         return cls(record, _places(model, part, parts), program)
 
     def block(self, state: np.ndarray) -> np.ndarray:
-        """The parts of a state (3 sites,)."""
+        """Parts of a state (3 sites,)."""
         block = np.empty(3 * self.sites.size)
         copy_parts(self.sites, np.require(state, float, "CW"), block, True)
         return block
 
     def state(self, block: np.ndarray) -> np.ndarray:
-        """The state of its parts."""
+        """State of its parts."""
         state = np.empty(3 * self.sites.size)
         copy_parts(self.sites, state, block, False)
         return state
@@ -136,7 +136,7 @@ class Whole(NamedTuple):
 
     @property
     def call(self) -> tuple[Any, tuple[Any, ...]]:
-        """The kernel and the arguments of a call of no steps, which only has it compiled."""
+        """Kernel and the arguments of a call of no steps, which only has it compiled."""
         return move_lattice, self._arguments(self.block(np.zeros(3 * self.sites.size)), 0, 0, 0, 0)
 
     @property
@@ -172,8 +172,8 @@ class Whole(NamedTuple):
         return np.array([[[found[name] for name in REPORT]]], float)
 
 
-class Sampled(NamedTuple):
-    """The Gibbs law of a lattice at a temperature: states after some sweeps of judged turns, see :func:`sweep_of`.
+class SampledGibbs(NamedTuple):
+    """Gibbs law of a lattice at a temperature: states after some sweeps of judged turns, see :func:`sweep_of`.
 
     A path begins in random directions.
     """
@@ -185,28 +185,28 @@ class Sampled(NamedTuple):
 
     @property
     def numbers(self) -> int:
-        """The number of normal numbers for the directions in which a path begins."""
+        """Number of normal numbers for the directions in which a path begins."""
         return 3 * self.model.sites.sites
 
     def states(self, z: np.ndarray) -> np.ndarray:
-        """The directions (d, paths) of numbers (numbers, paths)."""
+        """Directions (d, paths) of numbers (numbers, paths)."""
         vectors = z.reshape(-1, 3, z.shape[1])
         return (vectors / np.sqrt((vectors**2).sum(axis=1, keepdims=True))).reshape(z.shape)
 
     def of_one_lattice(self, y: np.ndarray, seed: int, stream: int, path: int) -> np.ndarray:
-        """The state (d,) of one path of a lattice in parts after all sweeps, from the state y."""
+        """State (d,) of one path of a lattice in parts after all sweeps, from the state y."""
         parts = parts_of(self.model)
         if parts is None:
             raise ValueError("the lattice does not divide into parts")
         part = _part(self.model, parts)
         record, program = sweep_of(part, self.temperature, parts)
-        whole = Whole(record, _places(self.model, part, parts), program)
+        whole = WholeLattice(record, _places(self.model, part, parts), program)
         block = whole.block(y)
         whole.move(block, 0, self.sweeps, seed, path | (1 + stream) << 40)
         return whole.state(block)
 
     def moved(self, y: np.ndarray, seed: int, stream: int, first: int) -> np.ndarray:
-        """The states (d, paths) of whole blocks, the first of them number `first`, after all sweeps."""
+        """States (d, paths) of whole blocks, the first of them number `first`, after all sweeps."""
         blocks = np.ascontiguousarray(y.reshape(len(y), -1, LANES).transpose(1, 0, 2)).reshape(-1, len(y) * LANES)
         paths = np.arange(first, first + len(blocks), dtype=np.uint64) | np.uint64((1 + stream) << 40)
         move_blocks(*sweep_of(self.model, self.temperature), blocks, self.sweeps, np.uint64(seed), paths)
@@ -215,7 +215,7 @@ class Sampled(NamedTuple):
 
 @functools.lru_cache(4)
 def _places(model: Any, part: Any, parts: tuple[int, ...]) -> np.ndarray:
-    """The number in the lattice of each site of a part in each lane."""
+    """Number in the lattice of each site of a part in each lane."""
     per_cell = len(model.cell.sites)
     size, lengths = (*model.size, 1, 1)[:3], (*part.size, 1, 1)[:3]
     cell, within = np.divmod(np.arange(math.prod(lengths) * per_cell, dtype=np.int32), np.int32(per_cell))
@@ -233,7 +233,7 @@ def _places(model: Any, part: Any, parts: tuple[int, ...]) -> np.ndarray:
 
 
 def program_of(scheme: Any, record: Any, h: float) -> Program | None:
-    """The program of a step of size h; None for a scheme that has none, tosses coins or shares increments.
+    """Program of a step of size h; None for a scheme that has none, tosses coins or shares increments.
 
     That of a judged scheme is noise judged site by site and the drift, if that conserves H and need not be judged.
     """
@@ -260,7 +260,7 @@ def _flow(kind: int, k: int, share: float = 1.0) -> tuple[Any, ...]:
 
 @functools.lru_cache(8)
 def sweep_of(model: Any, temperature: float, parts: tuple[int, int, int] = (1, 1, 1)) -> tuple[Any, Program]:
-    """The record of many lattices and the program of a sweep that keeps their Gibbs law: judged noise.
+    """Record of many lattices and the program of a sweep that keeps their Gibbs law: judged noise.
 
     With `parts` the model is a part of one lattice, as in :func:`~.tables.tables`.
 
@@ -351,7 +351,7 @@ def _run_share(model, program, row, t, share, shares, y, n, seed, path):
 
 @device(inline=False)
 def turn_sites_at_random(model, t, begin, end, y, draw, seed, path):
-    """The noise of the sites of a part from `begin` to before `end` over the time t.
+    """Noise of the sites of a part from `begin` to before `end` over the time t.
 
     One evaluation of the generator serves two sites, which turn about random axes; about a given axis, one.  Returns
     the largest |angle| about that.

@@ -1,4 +1,4 @@
-"""The directions of spins, under the key ``initial``.
+"""Directions of spins, under the key ``initial``.
 
     initial: {spins: [0, 0, 1]}
     initial: {spins: random, seed: 2}
@@ -15,7 +15,7 @@ from spi.ensemble.long_states import state_of
 from spi.ensemble.protocol import dimension
 from spi.plugins.spins.models import Spins
 from spi.specs.files import Files
-from spi.specs.keys import Keys, Seed, State, entries_in, key_of, wrong
+from spi.specs.keys import Keys, Seed, StateKey, entries_in, key_of, wrong
 
 
 def _one_or_more(value: Any) -> Any:
@@ -28,7 +28,7 @@ class SpinStates(Keys):
 
     spins: key_of(
         Annotated[
-            Literal["random"] | tuple[State, ...],
+            Literal["random"] | tuple[StateKey, ...],
             pydantic.BeforeValidator(_one_or_more),
         ],
         "the direction of all spins, a list of those of the sites of a cell, or random",
@@ -36,7 +36,7 @@ class SpinStates(Keys):
     seed: key_of(Seed, "of random directions") = 1
 
     def state(self, model: Any, files: Files) -> Any:
-        """The state of a lattice of spins."""
+        """State of a lattice of spins."""
         if not isinstance(model, Spins):
             raise wrong("has spins, which is for the model spins", "give a list, a number per component", "spins")
         sites, per_cell = dimension(model) // 3, len(model.cell.sites)

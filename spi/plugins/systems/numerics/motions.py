@@ -11,5 +11,5 @@ def times(c: float, rest: float, x: float) -> float:
 
 @device
 def larger(a: float, b: float) -> float:
-    """The larger of two numbers; a choice, because a maximum of floats is not vectorised."""
+    """Larger of two numbers; a choice, because a maximum of floats is not vectorised."""
     return a if a > b else b

@@ -1,4 +1,4 @@
-"""The samples of an answer: pilot, choice, a tenth of the samples, all of them, and the check, which may want more."""
+"""Samples of an answer: pilot, choice, a tenth of the samples, all of them, and the check, which may want more."""
 
 import math
 from dataclasses import dataclass
@@ -35,7 +35,7 @@ _MORE = 1.25  # ratio of samples to those before, where the variances ask for no
 
 
 def power_of_two(paths: float) -> int:
-    """The least power of two, a number of paths along points, that is at least `paths`."""
+    """Least power of two, a number of paths along points, that is at least `paths`."""
     return max(LEAST_PATHS, 1 << math.ceil(math.log2(max(paths, 1.0))))
 
 
@@ -67,7 +67,7 @@ def _all_raised(extra: Decisions, samples: np.ndarray, most: int | None) -> np.n
 
 @dataclass(frozen=True, kw_only=True)
 class AllocatingPlan(EstimatingPlan):
-    """The samples that are wanted, step by step."""
+    """Samples that are wanted, step by step."""
 
     def _after_pilot(self, state: State) -> Decisions:
         """A pilot along points, or of another scheme, where that pays, else the beginning of the work."""
@@ -125,7 +125,7 @@ class AllocatingPlan(EstimatingPlan):
         return wanted
 
     def _best(self, state: State, scheme: int, accuracy: float, bases: tuple[int, ...] = ()) -> Best:
-        """The best choice of levels of a scheme; with `bases` one of these is the level of the largest step."""
+        """Best choice of levels of a scheme; with `bases` one of these is the level of the largest step."""
         measured, exponents = self.measured(state, scheme), self.exponents(scheme)
         allowed = self.case.extrapolate if exponents else (0,)
         order = planner.contradicted(measured, exponents, bases[0] if bases else 0, accuracy)
@@ -135,7 +135,7 @@ class AllocatingPlan(EstimatingPlan):
         return Best(choice, measured, exponents, math.nan if order is None else order)
 
     def _allocated(self, state: State, extra: Decisions, stage: Stage) -> Decisions:
-        """The best choice, with the samples that it wants, or at the beginning a share of them."""
+        """Best choice, with the samples that it wants, or at the beginning a share of them."""
         aim = self._affordable(state, extra.scheme)
         best, next_digit = (self._best(state, extra.scheme, accuracy) for accuracy in (aim, aim / 10))
         extra, samples = extra._replace(aim=aim).with_best(best), best.samples(aim)
@@ -155,7 +155,7 @@ class AllocatingPlan(EstimatingPlan):
         )
 
     def _affordable(self, state: State, scheme: int) -> float:
-        """The accuracy, or the best that the seconds and samples of the case allow."""
+        """Accuracy, or the best that the seconds and samples of the case allow."""
         aim, left = self.case.accuracy, self.seconds_left(state.extra)
         for _ in range(4):
             best = self._best(state, scheme, aim)
@@ -197,7 +197,7 @@ class AllocatingPlan(EstimatingPlan):
         return min(state.so_far(i).cpu_seconds / (self.costs[SetOf.of(i)] * state.tally(i).paths) for i in done)
 
     def _checked(self, state: State) -> Decisions:
-        """The end, or more samples where the interval is too wide or one step finer differs by too much."""
+        """End, or more samples where the interval is too wide or one step finer differs by too much."""
         extra: Decisions = state.extra
         outcome = self.outcome(state)
         if not (outcome.half <= extra.aim).all():
@@ -228,7 +228,7 @@ class AllocatingPlan(EstimatingPlan):
         return extra.with_best(best)._replace(checks=extra.checks + 1, wanted=wanted)
 
     def _improved_choice(self, state: State, extra: Decisions, finer: bool) -> Best:
-        """The best choice with the largest step as it is, and with a `finer` smallest one where that is wanted.
+        """Best choice with the largest step as it is, and with a `finer` smallest one where that is wanted.
 
         Extrapolation stays as it is, but where a smaller step with more or less of it is better.
         """
@@ -249,7 +249,7 @@ class AllocatingPlan(EstimatingPlan):
         return there
 
     def _comparing(self, state: State) -> Decisions:
-        """The end, or samples of the difference from the reference scheme: first a few, then by their variance."""
+        """End, or samples of the difference from the reference scheme: first a few, then by their variance."""
         extra: Decisions = state.extra
         level = extra.compared_level or min(max(extra.finest, PILOT_LEVELS - 1), LEVELS - 2)
         path_set = SetOf(extra.scheme, Role.REFERENCE, level)

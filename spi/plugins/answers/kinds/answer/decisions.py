@@ -1,4 +1,4 @@
-"""The decisions on an answer and their records: stages, pilots, the choice of levels, and what came out."""
+"""Decisions on an answer and their records: stages, pilots, the choice of levels, and what came out."""
 
 import math
 from enum import IntEnum
@@ -27,7 +27,7 @@ class Stage(IntEnum):
     DONE = 3
 
 
-class Way(IntEnum):
+class SolveOrSample(IntEnum):
     """Whether the expectation is solved for or sampled; not decided as long as the pilot goes on."""
 
     UNDECIDED = 0
@@ -36,7 +36,7 @@ class Way(IntEnum):
 
 
 class Best(NamedTuple):
-    """The best choice of levels of a scheme, from the estimates of its levels."""
+    """Best choice of levels of a scheme, from the estimates of its levels."""
 
     choice: planner.Choice
     measured: planner.Measured
@@ -56,7 +56,7 @@ class Decisions(NamedTuple):
     refined: np.ndarray  #: (refinements, F) expectations without sampling
     uncertain: np.ndarray  #: (refinements, F) the uncertainty of each refinement by itself
     efforts: np.ndarray  #: (refinements,) that each of them took
-    way: Way
+    way: SolveOrSample
     solving_seconds: float = math.nan  #: predicted, of typical speed
     sampling_seconds: float = math.nan
     seconds: float = 0.0  #: wall clock, of what needs no paths
@@ -83,15 +83,15 @@ class Decisions(NamedTuple):
     def initial(cls, schemes: int, functions: int, sampling: bool) -> "Decisions":
         """The pilot of the first scheme is wanted, if anything is sampled."""
         wanted, none = glance(schemes) if sampling else no_samples(schemes), np.zeros((0, functions))
-        return cls(wanted, none, none, np.zeros(0), Way.UNDECIDED if sampling else Way.SOLVING)
+        return cls(wanted, none, none, np.zeros(0), SolveOrSample.UNDECIDED if sampling else SolveOrSample.SOLVING)
 
     @property
     def base_set(self) -> SetOf:
-        """The path set with the largest step alone."""
+        """Path set with the largest step alone."""
         return SetOf(self.scheme, Role.POINTS if self.follows_points else Role.VALUES, self.base)
 
     def with_best(self, best: Best) -> "Decisions":
-        """The decisions with other levels."""
+        """Decisions with other levels."""
         levels, base, finest, work, _ = best.choice
         points = bool(best.measured.along[base] > 0)
         return self._replace(
@@ -117,7 +117,7 @@ def _first_steps(scheme: int, schemes: int, levels: int, samples: int) -> np.nda
 
 
 class Outcome(NamedTuple):
-    """The estimates from all sums, arrays (F,)."""
+    """Estimates from all sums, arrays (F,)."""
 
     value: np.ndarray
     half: np.ndarray  #: half the width of the 95 % interval, the bias included
@@ -140,7 +140,7 @@ class Outcome(NamedTuple):
 
 
 class Prediction(NamedTuple):
-    """The prediction of an answer, from its pilot alone."""
+    """Prediction of an answer, from its pilot alone."""
 
     how: str  #: the choice, in words
     seconds: float  #: of processor time; NaN where nothing would be sampled

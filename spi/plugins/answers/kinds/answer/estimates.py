@@ -1,4 +1,4 @@
-"""The path sets of an answer, and the estimates from their sums: those of each level, and of all together.
+"""Path sets of an answer, and the estimates from their sums: those of each level, and of all together.
 
 The value of the chosen levels has an interval, with the bound of its bias.  Two checks stand beside it: one step finer,
 and the difference from a reference scheme on the same noise.
@@ -57,7 +57,7 @@ def _first_sampled(ways: Sequence[planner.Spread], samples: Sequence[int]) -> tu
 
 @dataclass(frozen=True, kw_only=True)
 class EstimatingPlan(SolvingPlan):
-    """The path sets of each scheme, the cost of their samples, and the estimates from their sums."""
+    """Path sets of each scheme, the cost of their samples, and the estimates from their sums."""
 
     sums = Totals
 
@@ -67,26 +67,26 @@ class EstimatingPlan(SolvingPlan):
 
     @cached_property
     def of_schemes(self) -> tuple[Self, ...]:
-        """The plan as that of each scheme."""
+        """Plan as that of each scheme."""
         return tuple(replace(self, part=Part(name)) for name in self.case.schemes)
 
     @cached_property
     def reference(self) -> Self | None:
-        """The plan as that of the scheme that checks the bias."""
+        """Plan as that of the scheme that checks the bias."""
         name = self.case.reference_scheme
         return replace(self, part=Part(name)) if name else None
 
     def exponents(self, scheme: int) -> tuple[float, ...]:
-        """The powers of h in the weak error of a scheme; () where theory states none."""
+        """Powers of h in the weak error of a scheme; () where theory states none."""
         return weak_exponents(self.of_schemes[scheme].row, self.model, _ORDERS) or ()
 
     @cached_property
     def sets(self) -> tuple[Sample, ...]:
-        """The paths of a sample of all path sets, in the order of their numbers."""
+        """Paths of a sample of all path sets, in the order of their numbers."""
         return tuple(map(self._sample, all_sets(len(self.case.schemes))))
 
     def _sample(self, path_set: SetOf) -> Sample:
-        """The paths of a sample of a path set.
+        """Paths of a sample of a path set.
 
         VALUE is that of one path, of a level alone the only quantity.  Against a reference scheme DIFFERENCE is that at
         the fine step, VALUE that at the fine step less that at the coarse one.
@@ -104,12 +104,12 @@ class EstimatingPlan(SolvingPlan):
         return Sample.of(times, RandomStream(np.uint64(case.seed), np.uint64(path_set.stream)), weights)
 
     def schemes_of(self, path_set: SetOf) -> tuple[Self, ...]:
-        """The plans of the schemes that a path set has paths of."""
+        """Plans of the schemes that a path set has paths of."""
         own = (self.of_schemes[path_set.scheme],)
         return (*own, self.reference) if self.reference and path_set.role == Role.REFERENCE else own
 
     def noise(self, number: int) -> Any:
-        """The random numbers of a path set, or its points."""
+        """Random numbers of a path set, or its points."""
         sample, path_set = self.sets[number], SetOf.of(number)
         if path_set.role != Role.POINTS:
             return sample.stream
@@ -135,7 +135,6 @@ class EstimatingPlan(SolvingPlan):
         return float(self.costs.ravel() @ samples.ravel())
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         return {"quantity": len(self.sets[number].weights), "function": len(self.ranges)}
 
     def deciding(self, number: int | None) -> dict[str, Any]:
@@ -167,7 +166,7 @@ class EstimatingPlan(SolvingPlan):
         yield from super().advance(chunks, started)
 
     def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
-        """The values of the test functions at the end of some blocks."""
+        """Values of the test functions at the end of some blocks."""
         times, noise = self.sets[number].grid, self.noise(number)
         plans = self.schemes_of(SetOf.of(number))
         return np.concatenate([values_of_blocks(plan, times, noise, first, blocks, end)[0] for plan in plans], axis=1)
@@ -181,11 +180,11 @@ class EstimatingPlan(SolvingPlan):
         return [state.so_far(SetOf(scheme, role, level).number) for level in range(LEVELS)]
 
     def spread(self, totals: Totals, quantity: int = DIFFERENCE, along: bool = False) -> planner.Spread:
-        """The moments (F,) of a quantity of a path set, with the rare values of hidden summands."""
+        """Moments (F,) of a quantity of a path set, with the rare values of hidden summands."""
         return self._spread_of_all(totals, quantity, along).with_hidden(self.owners)
 
     def _spread_of_all(self, totals: Totals, quantity: int = DIFFERENCE, along: bool = False) -> planner.Spread:
-        """The moments (F + summands,) of a quantity of a path set.
+        """Moments (F + summands,) of a quantity of a path set.
 
         Differences are no larger than the range of values, or, where that is infinite, are taken to be no larger than
         the range of the values so far.
@@ -203,7 +202,7 @@ class EstimatingPlan(SolvingPlan):
         return planner.Spread.of(sums, paths, span, along, bounds, steep, np.isfinite(self.spans))
 
     def measured(self, state: State, scheme: int) -> planner.Measured:
-        """The estimates of the levels of a scheme; values along points come first, then those of levels alone."""
+        """Estimates of the levels of a scheme; values along points come first, then those of levels alone."""
         roles = Role.POINTS, Role.VALUES, Role.DIFFERENCES
         along, alone, coupled = (self.totals(state, scheme, role) for role in roles)
         ways = zip(
@@ -229,7 +228,7 @@ class EstimatingPlan(SolvingPlan):
 
     @np.errstate(all="ignore")  # paths may diverge
     def outcome(self, state: State) -> Outcome:
-        """The value with its interval, and the check."""
+        """Value with its interval, and the check."""
         extra: Decisions = state.extra
         measured, exponents = self.measured(state, extra.scheme), self.exponents(extra.scheme)
         if not math.isnan(extra.order):
@@ -274,7 +273,7 @@ class EstimatingPlan(SolvingPlan):
 
     @np.errstate(all="ignore")
     def compared(self, state: State) -> Compared:
-        """The difference from the reference scheme at a step h, and its limit as h tends to 0.
+        """Difference from the reference scheme at a step h, and its limit as h tends to 0.
 
         With D(h) = a h^r + ..., r the lower order of the two, that is D(h) - (D(2h) - D(h)) / (2^r - 1).
         """

@@ -1,4 +1,4 @@
-"""The figure of answers: estimates at the steps of the levels beside the answer, and the differences of levels."""
+"""Figure of answers: estimates at the steps of the levels beside the answer, and the differences of levels."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -28,13 +28,13 @@ def _look(f: int) -> dict[str, Any]:
 
 
 def _names(one: Answer) -> list[str]:
-    """The functions as they are called, or as formulas where they have no name of their own."""
+    """Functions as they are called, or as formulas where they have no name of their own."""
     texts = (formula if name == "phi" else name for name, formula in zip(one.functions, one.formulas, strict=True))
     return [style.maths(readable(text), one.about.variables) for text in texts]
 
 
 def _estimates(one: Answer, chosen: Chosen, f: int, name: str) -> plots.Plot:
-    """The expectation at each step without extrapolation, with its sampling error, and the answer as a band.
+    """Expectation at each step without extrapolation, with its sampling error, and the answer as a band.
 
     The largest step is sampled alone; its mean is what the answer has besides the differences of levels.
     """
@@ -67,7 +67,7 @@ def _levels(one: Answer, chosen: Chosen) -> plots.Plot:
 
 
 def _values(one: Answer) -> plots.Plot:
-    """The values with their intervals."""
+    """Values with their intervals."""
     place, names = np.arange(len(one.functions)), _names(one)
     lines = [plots.series(place, one.value, _look(0) | {"linestyle": "none"}, "value", one.half)]
 
@@ -78,4 +78,4 @@ def _values(one: Answer) -> plots.Plot:
     return plots.Plot(lines, y=r"$\mathrm{E}\,\varphi(y(T))$", xlim=(-0.5, len(place) - 0.5), own=own)
 
 
-draw = panels.Figures({"answers": [panels.Own(_answers)]}, ("accuracy",))
+draw = panels.Figures({"answers": [panels.OwnPanels(_answers)]}, ("accuracy",))

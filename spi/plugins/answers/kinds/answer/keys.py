@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind answer."""
+"""Keys of an experiment of kind answer."""
 
 import math
 from collections.abc import Sequence
@@ -21,7 +21,18 @@ from spi.specs.checks import check_count, check_distinct, check_flows
 from spi.specs.document import Document, SpecError
 from spi.specs.experiment import ONLY_IN_FILES, Experiment, laid_over
 from spi.specs.files import Files
-from spi.specs.keys import Functions, Levels, SchemeName, Schemes, Steps, condition, entries_in, key_of, quantity, wrong
+from spi.specs.keys import (
+    ExtrapolationLevels,
+    Functions,
+    SchemeName,
+    Schemes,
+    Steps,
+    condition,
+    entries_in,
+    key_of,
+    quantity,
+    wrong,
+)
 from spi.specs.naming import as_yaml
 from spi.specs.sweep import versions
 from spi.statistics.claims import claimable
@@ -50,7 +61,7 @@ class Case(FunctionKeys, BaseCase):
         Positive, "half the width of the 95 % interval that is wanted, with what is left of the bias", "value"
     )
     schemes: key_of(Schemes, "schemes to choose from; default: those of weak order 2, or what the model can have") = ()
-    extrapolate: key_of(Levels, "levels of extrapolation to choose from, 0 to 3") = (0, 1, 2, 3)
+    extrapolate: key_of(ExtrapolationLevels, "levels of extrapolation to choose from, 0 to 3") = (0, 1, 2, 3)
     steps: key_of(
         Steps | None, "steps to choose from, two or more of final_time / 1, 2, 4, ...; default: all", "time"
     ) = None
@@ -70,7 +81,7 @@ class Case(FunctionKeys, BaseCase):
 
     @property
     def step_levels(self) -> tuple[int, ...]:
-        """The levels l of the steps T / 2^l to choose from; one more is for the check."""
+        """Levels l of the steps T / 2^l to choose from; one more is for the check."""
         if self.steps is None:
             return tuple(range(FINEST))
         return tuple(sorted({round(math.log2(self.final_time / h)) for h in self.steps}))
@@ -82,7 +93,7 @@ class Case(FunctionKeys, BaseCase):
 
     @condition  # in the place of that of all cases, before claims name schemes
     def _check_names(self) -> Self:
-        """The case with schemes: those that it has, or the first of CANDIDATES that the model can have."""
+        """Case with schemes: those that it has, or the first of CANDIDATES that the model can have."""
         if self.schemes:
             return super()._check_names()
         schemes = next(names for names in CANDIDATES if all(self._can_have(name) for name in names))
@@ -158,7 +169,7 @@ _FUNCTIONS, _ACCURACY = {"mean": "y1", "square": "y1^2"}, 1e-3
 
 
 def question(experiment: Experiment, functions: bool = True) -> str:
-    """The spec, as YAML, of an answer about the models and the initial values of an experiment of another kind.
+    """Spec, as YAML, of an answer about the models and the initial values of an experiment of another kind.
 
     Functions and final time are those of the experiment, without `functions` other ones stand for those that a person
     gives; the scheme is left to choose.  SpecError if a case of it has a multiscale scheme, or functions that are no
@@ -184,7 +195,7 @@ def question(experiment: Experiment, functions: bool = True) -> str:
 
 
 def _middle(raw: dict[str, Any], cases: Sequence[BaseCase], files: Files) -> tuple[dict[str, Any], BaseCase, str]:
-    """The keys, the record and the title of a case; of a swept parameter those of its middle value."""
+    """Keys, the record and the title of a case; of a swept parameter those of its middle value."""
     case = cases[0]
     if not (sweep := case.sweep):
         return raw, case, case.title
@@ -193,7 +204,7 @@ def _middle(raw: dict[str, Any], cases: Sequence[BaseCase], files: Files) -> tup
 
 
 def _asked(raw: dict[str, Any], case: BaseCase) -> dict[str, Any]:
-    """The keys of an answer about a case, of which `raw` are the keys as the file has them."""
+    """Keys of an answer about a case, of which `raw` are the keys as the file has them."""
     functions, time = dict(getattr(case, "functions", {})), case.last_time
     if not functions:
         h = max(getattr(case, "steps", None) or (case.step,))  # type: ignore[attr-defined]

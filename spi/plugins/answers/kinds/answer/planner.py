@@ -53,7 +53,7 @@ class Spread(NamedTuple):
         steep: np.ndarray | bool = False,
         bounded: np.ndarray | bool = True,
     ) -> "Spread":
-        """The moments from sums (POWERS, F, GROUPS) over some paths, of values that are at most `span` (F,) apart.
+        """Moments from sums (POWERS, F, GROUPS) over some paths, of values that are at most `span` (F,) apart.
 
         By the rule of three a share of at most 3/n of all values may lie where none of n samples does, as far from the
         mean as the `bounds` (F, 2) allow, or by the span.  That counts where all values are equal, and of functions
@@ -102,7 +102,7 @@ class Spread(NamedTuple):
             return np.where(self.equal | ~(fourth > 0.0), np.inf, 2.0 * fourth**0.25)
 
     def with_hidden(self, owners: np.ndarray) -> "Spread":
-        """The moments of functions, from these with those of summands behind them, which belong to the `owners`.
+        """Moments of functions, from these with those of summands behind them, which belong to the `owners`.
 
         What no sample shows of a summand, the function may have, too.
         """
@@ -125,7 +125,7 @@ class Spread(NamedTuple):
 
     @classmethod
     def together(cls, each: "Sequence[Spread]") -> "Spread":
-        """The moments of several path sets, arrays (path sets, F)."""
+        """Moments of several path sets, arrays (path sets, F)."""
         return cls(*(np.array(values) for values in zip(*each, strict=True)))
 
 
@@ -197,7 +197,7 @@ class Measured(NamedTuple):
         along: Sequence[int] = (),
         value_samples: Sequence[int] = (),
     ) -> "Measured":
-        """The estimates from the moments of Y_l and P_l, arrays (K + 1, F), and the numbers of samples.
+        """Estimates from the moments of Y_l and P_l, arrays (K + 1, F), and the numbers of samples.
 
         The variances of levels without samples go on as they fell before; a level that is not finite has an infinite
         one, so that it is not chosen.  One with too few samples for its tails has a larger one, so that a rare value
@@ -239,14 +239,14 @@ class Measured(NamedTuple):
         )
 
     def alone(self, base: int, variance_of_mean: float) -> float:
-        """The samples of P_base whose mean has a variance, s / N + b / N^2 with what no sample shows."""
+        """Samples of P_base whose mean has a variance, s / N + b / N^2 with what no sample shows."""
         of_seen = self.value_seen[base]
         b = self.value_unseen[base]
         return float(((of_seen + np.sqrt(of_seen**2 + 4.0 * b * variance_of_mean)) / (2.0 * variance_of_mean)).max())
 
 
 class Choice(NamedTuple):
-    """The levels of an answer."""
+    """Levels of an answer."""
 
     levels: int  #: of extrapolation
     base: int  #: the level of the largest step
@@ -272,7 +272,7 @@ def changed(measured: Measured, w: np.ndarray, finest: int) -> tuple[np.ndarray,
 
 
 def order_of(exponents: Sequence[float], levels: int) -> float:
-    """The order of R with some levels of extrapolation; 1 where theory states none."""
+    """Order of R with some levels of extrapolation; 1 where theory states none."""
     return exponents[levels] if exponents else 1.0
 
 
@@ -301,7 +301,7 @@ def choose(
     steps: Sequence[int] = (),
     bases: Sequence[int] = (),
 ) -> Choice:
-    """The least work by which bias and sampling together stay below the accuracy.
+    """Least work by which bias and sampling together stay below the accuracy.
 
     Of all `allowed` numbers of levels of extrapolation, of all levels, or those of `steps`, and of all largest steps,
     or those of `bases`.  If the bias is too large even at the smallest step, the choice has that.
@@ -388,7 +388,7 @@ def _enough(
 def _in_powers_of_two(
     samples: np.ndarray, variance: np.ndarray, cost: np.ndarray, target: float, base: int, there: int
 ) -> np.ndarray:
-    """The allocation where the `base` has a power of two of points, of which `there` are computed.
+    """Allocation where the `base` has a power of two of points, of which `there` are computed.
 
     The differences share the rest of the `target` variance, and their work decides between powers.
     """
@@ -412,7 +412,7 @@ def _in_powers_of_two(
 
 
 def contradicted(measured: Measured, exponents: Sequence[float], lowest: int, accuracy: float) -> float | None:
-    """The order that the means of the finest resolved levels show, if it is not that of theory; None otherwise.
+    """Order that the means of the finest resolved levels show, if it is not that of theory; None otherwise.
 
     Only where both of two neighbouring means are resolved, and larger than the bias may be.
     """

@@ -1,4 +1,4 @@
-"""The question of an answer: functions of the state at the end, and whether their expectations can be solved for."""
+"""Question of an answer: functions of the state at the end, and whether their expectations can be solved for."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ import numpy as np
 from spi.ensemble.protocol import has_friction
 from spi.ensemble.random_states import RandomState
 from spi.exact.expectations import can_solve, demands
-from spi.exact.linear import Moments
+from spi.exact.linear import MomentEquations
 from spi.expressions import as_numpy, canonical, range_of
 from spi.expressions.summands import hidden_summands, is_plain, unbounded_rest
 from spi.kinds.blocks import SamplesPlan
@@ -19,19 +19,19 @@ from spi.kinds.linear import linear_moments
 
 @dataclass(frozen=True, kw_only=True)
 class QuestionPlan(SamplesPlan):
-    """The functions of a case with their ranges, and their moments where these are all that it takes."""
+    """Functions of a case with their ranges, and their moments where these are all that it takes."""
 
     python: tuple[tuple[str, Callable], ...] = ()  #: Python functions by name, in place of formulas of the case
 
     @cached_property
     def asked(self) -> list[Callable]:
-        """The F test functions of arrays of states."""
+        """F test functions of arrays of states."""
         given = dict(self.python)
         return [given.get(name, phi) for name, phi in zip(self.case.functions, super().phis, strict=True)]
 
     @property
     def phis(self) -> list[Callable]:
-        """The functions of which there are sums: the F asked ones, and behind them summands that these may hide."""
+        """Functions of which there are sums: the F asked ones, and behind them summands that these may hide."""
         return [*self.asked, *(as_numpy(tree) for _, tree in self.hidden)]
 
     @cached_property
@@ -44,24 +44,24 @@ class QuestionPlan(SamplesPlan):
 
     @cached_property
     def rests(self) -> list[tuple[int, Any]]:
-        """The rests of functions without the summands whose range is known, each with the number of the function."""
+        """Rests of functions without the summands whose range is known, each with the number of the function."""
         each = ((f, unbounded_rest(tree)) for f, tree in self._trees)
         return [(f, rest) for f, rest in each if rest is not None]
 
     @property
     def _trees(self) -> list[tuple[int, Any]]:
-        """The formulas, each with its number, but for those that have a Python function in their place."""
+        """Formulas, each with its number, but for those that have a Python function in their place."""
         python, named = dict(self.python), zip(self.case.functions, self.case.expressions, strict=True)
         return [(f, tree) for f, (name, tree) in enumerate(named) if name not in python]
 
     @cached_property
     def owners(self) -> np.ndarray:
-        """The numbers of the functions that the hidden summands belong to."""
+        """Numbers of the functions that the hidden summands belong to."""
         return np.array([f for f, _ in self.hidden], np.int64)
 
     @property
     def formulas(self) -> tuple[str, ...]:
-        """The texts of the functions, of those in Python their names."""
+        """Texts of the functions, of those in Python their names."""
         texts = zip(self.case.functions, map(canonical, self.case.expressions), strict=True)
         return tuple(name if name in dict(self.python) else text for name, text in texts)
 
@@ -85,8 +85,8 @@ class QuestionPlan(SamplesPlan):
         return np.asarray(self.ranges[:, 1] - self.ranges[:, 0])
 
     @cached_property
-    def moments(self) -> Moments | None:
-        """The moments that the functions need, where the equation is linear and they are polynomials; else None."""
+    def moments(self) -> MomentEquations | None:
+        """Moments that the functions need, where the equation is linear and they are polynomials; else None."""
         case = self.case
         if case.sampling or self.python or isinstance(case.initial, RandomState):
             return None

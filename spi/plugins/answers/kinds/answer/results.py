@@ -1,4 +1,4 @@
-"""The record of an answer."""
+"""Record of an answer."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -10,7 +10,7 @@ from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, d
 
 
 class SampledDifferences(Described):
-    """The differences between neighbouring steps that were sampled, from large to small steps."""
+    """Differences between neighbouring steps that were sampled, from large to small steps."""
 
     h: Array = axis("smaller step size of the level", "time", name="level")
     share: Array = array("level", "how much of the difference is in the answer")
@@ -22,7 +22,7 @@ class SampledDifferences(Described):
 
 
 class Chosen(Described):
-    """The scheme and steps chosen for sampling, and the outcome of the check."""
+    """Scheme and steps chosen for sampling, and the outcome of the check."""
 
     scheme: str = fact("scheme that was chosen", name="chosen_scheme", column=True)
     extrapolated: int = fact("levels of extrapolation", name="extrapolated", column=True)
@@ -38,7 +38,7 @@ class Chosen(Described):
 
 
 class Compared(Described):
-    """The check of the bias by another scheme, on the same noise."""
+    """Check of the bias by another scheme, on the same noise."""
 
     reference: str = fact("scheme that checks the bias", name="reference_scheme")
     step: float = fact("step of that check", "time", name="compared_step")
@@ -124,7 +124,7 @@ class Answer(Stored):
         return f"{short(self.value[f])}, not resolved" if np.isfinite(self.value[f]) else "not finite"
 
     def _method(self) -> str:
-        """The scheme, steps and paths, and the check."""
+        """Scheme, steps and paths, and the check."""
         if not (chosen := self.chosen):
             return f"without sampling, by {self.solver or 'the backward operator'}"
         times = {0: "", 1: " extrapolated once"}.get(chosen.extrapolated, f" extrapolated {chosen.extrapolated} times")
@@ -135,10 +135,10 @@ class Answer(Stored):
         return f"{chosen.scheme}{times}, multilevel, {steps}, {chosen.samples:,} {paths} of the largest; {check}"
 
     def _cost(self) -> str:
-        """The time that it took, and that the next digit would."""
+        """Time that it took, and that the next digit would."""
         took = f"processor time {human_time(self.cpu_seconds)}"
         if self.chosen or math.isfinite(self.predicted_seconds):
-            pilot = f", of it the pilot {human_time(self.pilot_seconds)}" * bool(self.chosen)
+            pilot = f", of it the pilot {human_time(self.pilot_seconds)}" if self.chosen else ""
             took += f" (predicted {human_time(self.predicted_seconds)}{pilot})"
         if np.isfinite(self.half).all() and np.isfinite(self.next_digit_seconds):
             took += f"; the next digit would take about {human_time(self.next_digit_seconds)}"

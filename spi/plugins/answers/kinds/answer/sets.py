@@ -1,4 +1,4 @@
-"""The path sets of an answer by name, and their numbers.
+"""Path sets of an answer by name, and their numbers.
 
 A scheme has a path set of each role at each level, and all of them in the order of schemes, roles and levels have the
 numbers 0, 1, ...  So numbers of samples and costs, arrays (schemes, roles, levels), are laid out like the numbers, and
@@ -38,23 +38,23 @@ class SetOf(NamedTuple):
 
     @classmethod
     def of(cls, number: int) -> "SetOf":
-        """The path set that has a number."""
+        """Path set that has a number."""
         scheme, own = divmod(number, SETS)
         return cls(scheme, Role(own // LEVELS), own % LEVELS)
 
     @property
     def number(self) -> int:
-        """The number among all path sets of the plan."""
+        """Number among all path sets of the plan."""
         return self.scheme * SETS + self.role * LEVELS + self.level
 
     @property
     def stream(self) -> int:
-        """The stream of random numbers, see :data:`spi.numerics.rng.PATH_SETS`."""
+        """Stream of random numbers, see :data:`spi.numerics.rng.PATH_SETS`."""
         return PATH_SETS[self.scheme] + 2 * (self.number % SETS)
 
 
 def all_sets(schemes: int) -> tuple[SetOf, ...]:
-    """The path sets of some schemes in the order of their numbers."""
+    """Path sets of some schemes in the order of their numbers."""
     return tuple(map(SetOf.of, range(schemes * SETS)))
 
 

@@ -16,10 +16,10 @@ import numpy as np
 from spi.exact.expectations import SOLVING as TITLE
 from spi.exact.expectations import refiner
 from spi.exact.work import work as working
-from spi.plugins.solve.exact.refining import Known, Outlook, Refined, outlook, refined
+from spi.plugins.solve.exact.refining import KnownExpectations, Outlook, Refined, outlook, refined
 from spi.printing.text import short
 
-from .decisions import Decisions, Stage, Way, glance
+from .decisions import Decisions, SolveOrSample, Stage, glance
 from .question import QuestionPlan
 
 #: Seconds of solving below which there is no pilot, which has kernels compiled.
@@ -38,7 +38,7 @@ def _goes_on(ahead: Outlook, most: float, left: float) -> bool:
 
 
 def why(extra: Decisions, accuracy: float) -> str:
-    """The predicted seconds of solving and of sampling, as a text."""
+    """Predicted seconds of solving and of sampling, as a text."""
     if math.isnan(extra.solving_seconds):
         return ""
     solving, sampling = (
@@ -52,18 +52,18 @@ def why(extra: Decisions, accuracy: float) -> str:
 
 @dataclass(frozen=True, kw_only=True)
 class SolvingPlan(QuestionPlan):
-    """The refinements of the solution, and the choice between one more and samples."""
+    """Refinements of the solution, and the choice between one more and samples."""
 
     @cached_property
     def refining(self) -> Any:
-        """The solver that refines the solution of the case, see :func:`spi.exact.expectations.refiner`."""
+        """Solver that refines the solution of the case, see :func:`spi.exact.expectations.refiner`."""
         if self.moments is not None:
             value, error = self.moments.expectations(self.case.initial, (self.case.final_time,))
-            return Known(value[:, 0], error[:, 0])
+            return KnownExpectations(value[:, 0], error[:, 0])
         return refiner(self.case.model, self.case.initial, self.case.final_time, self.asked, self.case.accuracy)
 
     def prospect(self, extra: Decisions, accuracy: float | None = None) -> tuple[Refined, Outlook]:
-        """The solution by the refinements so far, and the outlook on the next ones."""
+        """Solution by the refinements so far, and the outlook on the next ones."""
         refining, number = self.refining, len(extra.refined)
         solution = refined(extra.refined, extra.uncertain, refining.rough)
         if refining.known is not None:
@@ -80,7 +80,7 @@ class SolvingPlan(QuestionPlan):
         return max(self.case.seconds - self.solved_seconds(extra), _LEAST_SHARE * self.case.seconds)
 
     def _after_refinement(self, extra: Decisions) -> Decisions:
-        """The end, one refinement more, or the comparison with sampling, before the first of which there is a pilot."""
+        """End, one refinement more, or the comparison with sampling, before the first of which there is a pilot."""
         solution, ahead = self.prospect(extra)
         if ahead.refinements == 0 and not ahead.seconds:
             return self._solved(extra, solution)
@@ -88,10 +88,10 @@ class SolvingPlan(QuestionPlan):
         if _goes_on(ahead, extra.sampling_seconds if compared else SURE, self.case.seconds - spent):
             return self._refined(extra, ahead)
         wanted = extra.wanted if compared else glance(len(extra.wanted))
-        return extra._replace(way=Way.UNDECIDED, solving_seconds=spent + ahead.seconds, wanted=wanted)
+        return extra._replace(way=SolveOrSample.UNDECIDED, solving_seconds=spent + ahead.seconds, wanted=wanted)
 
     def _refined(self, extra: Decisions, ahead: Outlook) -> Decisions:
-        """The decisions after one refinement more."""
+        """Decisions after one refinement more."""
         began, cpu_began = time.perf_counter(), time.process_time()
         before = self.solved_seconds(extra)
         to_come = ahead.seconds if math.isfinite(ahead.seconds) else ahead.next_seconds
@@ -115,21 +115,21 @@ class SolvingPlan(QuestionPlan):
         spent = self.solved_seconds(extra)
         both: dict[str, Any] = {"sampling_seconds": sampling, "solving_seconds": spent + ahead.seconds}
         if _goes_on(ahead, sampling, self.case.seconds - spent):
-            return extra._replace(way=Way.SOLVING, pilot_cpu_seconds=sampled.pilot_cpu_seconds, **both)
+            return extra._replace(way=SolveOrSample.SOLVING, pilot_cpu_seconds=sampled.pilot_cpu_seconds, **both)
         if not reaches:  # and solving is not expected to: this goes on where it is, or becomes, the better
             left, (_, better) = self.case.seconds - spent, self.prospect(extra, sampled.aim)
             if max(better.seconds, ahead.next_seconds) <= left:
-                return self._refined(extra._replace(way=Way.SOLVING, **both), ahead)
+                return self._refined(extra._replace(way=SolveOrSample.SOLVING, **both), ahead)
             if not better.seconds:
                 return self._solved(extra._replace(**both), solution)
-        return sampled._replace(way=Way.SAMPLING, **both)
+        return sampled._replace(way=SolveOrSample.SAMPLING, **both)
 
     def _solved(self, extra: Decisions, solution: Refined) -> Decisions:
-        """The end, with the solution as the answer."""
+        """End, with the solution as the answer."""
         _, next_digit = self.prospect(extra, self.case.accuracy / 10)
         return extra._replace(
             stage=Stage.DONE,
-            way=Way.SOLVING,
+            way=SolveOrSample.SOLVING,
             aim=max(self.case.accuracy, float(solution.bound.max())),
             next_cpu_seconds=float(next_digit.seconds) + extra.cpu_seconds,
         )

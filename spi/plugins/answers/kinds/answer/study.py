@@ -24,12 +24,12 @@ import numpy as np
 
 from spi.ensemble.loop import thread_count
 from spi.kinds.blocks import BATCH_BYTES
-from spi.kinds.plans import Cost, Done, State
+from spi.kinds.plans import Done, PartCost, State
 from spi.printing.text import joined, short
 from spi.storage.records import HEAVY_TAILS, INTERVAL, Part
 
 from .allocation import AllocatingPlan, cpu_seconds
-from .decisions import Decisions, Outcome, Prediction, Stage, Way
+from .decisions import Decisions, Outcome, Prediction, SolveOrSample, Stage
 from .keys import PILOT_LEVELS, PILOT_SAMPLES
 from .results import Answer, Chosen, Compared, SampledDifferences
 from .sets import LEVELS, Role, SetOf
@@ -49,7 +49,7 @@ def remarks(case: Any) -> Iterator[str]:
 
 @dataclass(frozen=True, kw_only=True)
 class AnswerPlan(AllocatingPlan):
-    """The answer of a case."""
+    """Answer of a case."""
 
     record = Answer
 
@@ -70,11 +70,11 @@ class AnswerPlan(AllocatingPlan):
         extra: Decisions = state.extra
         if extra.stage == Stage.DONE:
             return None
-        if extra.way == Way.SOLVING:
+        if extra.way == SolveOrSample.SOLVING:
             return self._after_refinement(extra)
         if extra.stage == Stage.PILOT:
             sampled = self._after_pilot(state)
-            undecided = self.solvable and extra.way == Way.UNDECIDED and sampled.stage != Stage.PILOT
+            undecided = self.solvable and extra.way == SolveOrSample.UNDECIDED and sampled.stage != Stage.PILOT
             return self._solve_or_sample(extra, sampled) if undecided else sampled
         if extra.stage == Stage.BEGINNING:
             return self._allocated(state, extra, Stage.WHOLE)
@@ -82,7 +82,7 @@ class AnswerPlan(AllocatingPlan):
 
     def prediction(self, extra: Decisions) -> Prediction | None:
         """The prediction after the pilot, or once it is solved for with a finite error; None before."""
-        solving, reason = extra.way == Way.SOLVING, why(extra, self.case.accuracy)
+        solving, reason = extra.way == SolveOrSample.SOLVING, why(extra, self.case.accuracy)
         both = f" ({reason})" if reason else ""
         if extra.stage == Stage.PILOT:
             if not solving:
@@ -103,7 +103,7 @@ class AnswerPlan(AllocatingPlan):
     # -----------------------------------------------------------------------------------------------------------------
 
     def results(self, state: State) -> Answer:
-        """The answer, from the final state."""
+        """Answer, from the final state."""
         case, extra = self.case, state.extra
         facts: dict[str, Any] = self.whole(state) | {
             "functions": tuple(case.functions),
@@ -115,7 +115,7 @@ class AnswerPlan(AllocatingPlan):
             "next_digit_seconds": extra.next_cpu_seconds,
             "cpu_seconds": extra.cpu_seconds + cpu_seconds(state),
         }
-        outcome = None if extra.way == Way.SOLVING else self.outcome(state)
+        outcome = None if extra.way == SolveOrSample.SOLVING else self.outcome(state)
         if outcome is None or self._is_better_solved(extra, outcome):
             solution, _ = self.prospect(extra)
             reached = bool((solution.bound <= case.accuracy).all())
@@ -154,7 +154,7 @@ class AnswerPlan(AllocatingPlan):
         return bound < half and half > self.case.accuracy
 
     def _chosen(self, state: State, outcome: Outcome) -> Chosen:
-        """The choice, with the levels that it uses and that of the check."""
+        """Choice, with the levels that it uses and that of the check."""
         extra, measured = state.extra, self.measured(state, state.extra.scheme)
         used = np.arange(extra.base + 1, extra.finest + 2)  # the last one is that of the check
         coupled = self.totals(state, extra.scheme, Role.DIFFERENCES)
@@ -179,7 +179,7 @@ class AnswerPlan(AllocatingPlan):
         )
 
     def _warnings(self, state: State, outcome: Outcome, chosen: Chosen, other: Compared | None) -> Iterator[str]:
-        """The warnings about an answer by sampling."""
+        """Warnings about an answer by sampling."""
         case, extra = self.case, state.extra
         resolved = np.isfinite(outcome.half)
         if not (outcome.half[resolved] <= case.accuracy).all():
@@ -220,15 +220,15 @@ class AnswerPlan(AllocatingPlan):
     # Cost and progress.
     # -----------------------------------------------------------------------------------------------------------------
 
-    def cost(self) -> Cost:
-        """The cost of the pilot, with NaN seconds; or of the refinements before the first decision."""
+    def cost(self) -> PartCost:
+        """Cost of the pilot, with NaN seconds; or of the refinements before the first decision."""
         if self.solvable:
             _, ahead = self.prospect(self.initial_extra())
-            return Cost(0, float(min(ahead.seconds, self.case.seconds)) * thread_count(), int(BATCH_BYTES))
+            return PartCost(0, float(min(ahead.seconds, self.case.seconds)) * thread_count(), int(BATCH_BYTES))
         steps = PILOT_SAMPLES * sum(
             self.sets[SetOf(0, Role.DIFFERENCES, level).number].steps for level in range(1, PILOT_LEVELS + 1)
         )
-        return Cost(steps, float("nan"), int(BATCH_BYTES))
+        return PartCost(steps, float("nan"), int(BATCH_BYTES))
 
     def progress(self, state: State) -> Done:
         """Work done and work allocated, in seconds of typical speed.
@@ -241,7 +241,7 @@ class AnswerPlan(AllocatingPlan):
         if self.solvable:
             solved = self.solved_seconds(extra)
             done, total = done + solved, total + solved
-            if extra.way == Way.SOLVING and extra.stage != Stage.DONE:
+            if extra.way == SolveOrSample.SOLVING and extra.stage != Stage.DONE:
                 _, ahead = self.prospect(extra)
                 total += min(ahead.seconds if math.isfinite(ahead.seconds) else ahead.next_seconds, 1e300)
         return Done(done, total, math.nan)

@@ -1,4 +1,4 @@
-"""The figure of stability: maps of regimes, and single quantities over the swept parameter."""
+"""Figure of stability: maps of regimes, and single quantities over the swept parameter."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -13,7 +13,7 @@ from spi.drawing import panels, plots, style, sweeps
 
 from .results import CASIMIR_LOST, FAILING, GROWTH, Stability
 
-Readings = Sequence[Stability]
+StabilityReadings = Sequence[Stability]
 
 #: Colour and hatch of each regime, from good to bad: blue while the geometry is kept, then warm, then black.
 LOOKS = (
@@ -31,7 +31,7 @@ _APART = 3  # schemes, values and step sizes from which on the lines of one pane
 _THIN = {"linestyle": ":", "marker": ""}
 
 
-def _regimes(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _regimes(readings: StabilityReadings, looks: style.Looks) -> Iterator[plots.Plot]:
     """A map of the regimes of each scheme over step size and value."""
     axes: dict[str, Any] = {"x": style.AXES["h"], "y": style.word(readings[0].word), "aspect": 0.9}
     for i, one in enumerate(readings):
@@ -45,7 +45,7 @@ def _map(reading: Stability) -> Any:
     regimes = reading.regimes[np.argsort(reading.values), ::-1]
     numbers = np.unique(regimes).tolist()
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         across, up = sweeps.cell_borders(x), sweeps.cell_borders(y)
         for number in numbers:
             corners = [(across[j : j + 2], up[i : i + 2]) for i, j in np.argwhere(regimes == number)]
@@ -79,13 +79,13 @@ def _look(number: int) -> dict[str, Any]:
     return {"facecolor": colour, "hatch": hatch, "edgecolor": HATCHES[number > 2], "linewidth": 0}
 
 
-_MEDIAN: plots.Entry = plots.Line2D([], [], color="black", linestyle=":"), "dotted: median path, else the worst"
+_MEDIAN: plots.LegendEntry = plots.Line2D([], [], color="black", linestyle=":"), "dotted: median path, else the worst"
 
 
-def _quantity(field: str, label: str, median: str = "", **options: Any) -> panels.Own:
+def _quantity(field: str, label: str, median: str = "", **options: Any) -> panels.OwnPanels:
     """A panel of one quantity over the swept value, a line for each scheme and step size, or over the only axis."""
 
-    def drawn(readings: Readings, looks: style.Looks) -> Iterator[Any]:
+    def drawn(readings: StabilityReadings, looks: style.Looks) -> Iterator[Any]:
         axes: dict[str, Any] = {"over": "value", "lines": "h"}
         if len(readings[0].values) == 1:
             axes = {"over": "h", "at": {"value": lambda one: 0}}
@@ -95,11 +95,11 @@ def _quantity(field: str, label: str, median: str = "", **options: Any) -> panel
             thin = [line._replace(label="", look=line.look | _THIN) for other in others for line in other.series]
             yield plot._replace(series=[*plot.series, *thin], entries=[*plot.entries, _MEDIAN]) if thin else plot
 
-    return panels.Own(drawn)
+    return panels.OwnPanels(drawn)
 
 
-def _law(readings: Readings, looks: style.Looks) -> Iterator[Any]:
-    """The distance of the laws: of many lines a panel for each scheme, with one look for each step size."""
+def _law(readings: StabilityReadings, looks: style.Looks) -> Iterator[Any]:
+    """Distance of the laws: of many lines a panel for each scheme, with one look for each step size."""
     if len(readings) < _APART or min(len(readings[0].values), len(readings[0].h)) < _APART:
         yield from _quantity("law_distance", _LAW).expand(readings, looks)
         return
@@ -126,14 +126,14 @@ def _law(readings: Readings, looks: style.Looks) -> Iterator[Any]:
 _RMS = r"rms error at $T$  relative to $|y_0|$"
 _LAW = r"$\max_\varphi\,|\mathrm{{E}}\,\varphi(y_h(T))-\mathrm{{E}}\,\varphi(y(T))|$"
 PANELS = {
-    "regimes": [panels.Own(_regimes)],
+    "regimes": [panels.OwnPanels(_regimes)],
     "finite": [_quantity("finite", "finite paths", log=False, same="share of finite paths: {}")],
     "casimir": [_quantity("casimir_worst", "relative Casimir error", "casimir_median", nan_diverged=True)],
     "norm": [
         _quantity("largest_norm", r"largest $|y|\,/\,|y_0|$", nan_diverged=True, same=r"largest $|y|\,/\,|y_0|$: {}")
     ],
     "error": [_quantity("error", _RMS, nan_diverged=True)],
-    "law": [panels.Own(_law)],
+    "law": [panels.OwnPanels(_law)],
     "positive": [_quantity("positive", "share of positive paths", log=False, same="share of positive paths: {}")],
     "failures": [_quantity("failing_fraction", "solver failures per step", same="solver failures: {}")],
     "iterations": [_quantity("iterations_per_solve", "iterations per step", log=False)],
@@ -141,7 +141,7 @@ PANELS = {
 }
 
 
-def _facts(readings: Readings) -> dict[str, str]:
+def _facts(readings: StabilityReadings) -> dict[str, str]:
     first = readings[0]
     facts = style.facts(first, "reference_step", "reference_scheme", "samples", "functions")
     single = len(first.values) == 1

@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind stability."""
+"""Keys of an experiment of kind stability."""
 
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -6,10 +6,10 @@ import pydantic
 from annotated_types import MinLen
 
 from spi.ensemble.protocol import Positive
-from spi.ensemble.random_states import Listed, RandomState
+from spi.ensemble.random_states import DrawnFromList, RandomState
 from spi.specs.cases import FunctionsCase
 from spi.specs.keys import Samples, condition, key_of, wrong
-from spi.specs.sweep import POINT, Swept
+from spi.specs.sweep import POINT, SweptKey
 from spi.statistics.claims import claimable
 
 from .results import Stability
@@ -17,19 +17,19 @@ from .results import Stability
 #: The panels of the figure.
 PANELS = ("regimes", "finite", "casimir", "norm", "error", "law", "positive", "failures", "iterations", "angle")
 
-Panels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
+StabilityPanels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 
 
 class Case(FunctionsCase):
     """Properties of the equation that schemes preserve, for each step size and each value of a parameter."""
 
     sweep: key_of(
-        Swept,
+        SweptKey,
         "a parameter and its values, as in {s: [0.1, 1, 10]}, used in model, damping, temperature, initial or eps",
     ) = pydantic.Field(exclude=True)
     samples: key_of(Samples, "number of Brownian paths")
     accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
-    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
+    panels: key_of(StabilityPanels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
 
     listed_under: ClassVar[str] = "stability"
     bounded_increments: ClassVar[bool] = False
@@ -48,7 +48,7 @@ class Case(FunctionsCase):
 
     @condition
     def _check_not_zero(self) -> Self:
-        drawn = isinstance(self.initial, RandomState) and isinstance(self.initial.law, Listed)
+        drawn = isinstance(self.initial, RandomState) and isinstance(self.initial.law, DrawnFromList)
         if not any(self.initial) or (drawn and not self.initial.law.points.any(axis=1).all()):
             raise wrong("is 0", "must not be, because errors are relative to its length", "initial")
         return self

@@ -1,4 +1,4 @@
-"""The records of stability: properties that a scheme keeps at a step size and a value of a parameter."""
+"""Records of stability: properties that a scheme keeps at a step size and a value of a parameter."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
@@ -27,7 +27,7 @@ _SMALL, _LARGE = Claimed("at most", infinite=True), Claimed("at least", infinite
 
 
 class CasimirErrors(Described):
-    """The largest relative error of each Casimir function along each path."""
+    """Largest relative error of each Casimir function along each path."""
 
     worst: Array = array("value h casimir", "largest relative error of the Casimir, of the worst path", claim=_SMALL)
     median: Array = array("value h casimir", "largest relative error of the Casimir, of the median path", claim=_SMALL)
@@ -38,7 +38,7 @@ class CasimirErrors(Described):
         return self.worst.max(axis=-1)
 
 
-class Law(Described):
+class ExpectationErrors(Described):
     """Expectations of test functions at the final time against their true values, NaN where these are unknown."""
 
     names: tuple[str, ...] = axis("test function", name="function")
@@ -125,7 +125,7 @@ class Stability(Stored):
     error: Array = array("value h", "root mean square error at the final time, relative to |y_0|", claim=_SMALL)
     error_stderr: Array = array("value h", "standard error of the error")
     casimirs: CasimirErrors | None = nested(prefix="casimir_", default=None)  # of a model that has any
-    law: Law | None = None  # where there are test functions
+    law: ExpectationErrors | None = None  # where there are test functions
     positive: Array | None = array(
         "value h", "fraction of the paths whose populations stay positive", claim=_LARGE, default=None
     )
@@ -152,7 +152,7 @@ class Stability(Stored):
 
     @classmethod
     def answers(cls, readings: Sequence["Stability"]) -> Iterator[str]:
-        """The largest accurate step size of each scheme, at the first and the last value of the parameter."""
+        """Largest accurate step size of each scheme, at the first and the last value of the parameter."""
         first = readings[0]
         ends = (f"{first.word} = {short(float(value), '.3g')}" for value in first.values[[0, -1]])
         steps = ((one.about.label, _steps(one, one.is_accurate)) for one in readings)
@@ -161,7 +161,7 @@ class Stability(Stored):
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Stability"]) -> Iterator[str]:
-        """The meaning of the columns, paths and times."""
+        """Meaning of the columns, paths and times."""
         first, seconds = readings[0], sum(reading.wall_seconds for reading in readings)
         kept = f"Casimir kept: relative error < {short(CASIMIR_KEPT, '.0e')} on the worst path; "
         yield (
@@ -221,7 +221,7 @@ class Stability(Stored):
 
 
 def _stacked(axis: str, each: Sequence[Any], outer: tuple[str, ...] = ()) -> dict[str, Any]:
-    """The fields of records, those over the axis stacked; others are the same in all."""
+    """Fields of records, those over the axis stacked; others are the same in all."""
     fields = {}
     for field in each[0].described:
         values, axes = [getattr(one, field.name) for one in each], (*outer, *field.meaning.axes, field.meaning.name)
@@ -234,7 +234,7 @@ def _stacked(axis: str, each: Sequence[Any], outer: tuple[str, ...] = ()) -> dic
 
 
 def largest_step(h: Array, good: Array) -> tuple[float, bool]:
-    """The largest step size that is good together with all smaller ones, and whether that is all of them; NaN if none.
+    """Largest step size that is good together with all smaller ones, and whether that is all of them; NaN if none.
 
     `h` (S,) from large to small, `good` (S,).
     """

@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from spi.ensemble.loop import Grid, thread_count
+from spi.ensemble.loop import TimeGrid, thread_count
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs, populations
 from spi.ensemble.random_states import RandomState
@@ -22,16 +22,16 @@ from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.expectations import can_solve_equation, exact_expectations, seconds_of_equation
 from spi.expressions import as_numpy, canonical
 from spi.kinds.blocks import BlocksPlan, lanes_of, reported
-from spi.kinds.plans import Cost, State, Task, each_scheme, reference_grid
+from spi.kinds.plans import PartCost, State, Task, each_scheme, reference_grid
 from spi.statistics.accumulators import Array, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
 from spi.statistics.rounding import size_of_values, with_rounding
 from spi.storage.stored import Description
 
-from .results import CasimirErrors, Law, Stability
+from .results import CasimirErrors, ExpectationErrors, Stability
 
 
-class Paths(Sums):
+class PathExtremes(Sums):
     """Extremes and last states of some paths for one value of the swept parameter, path by path."""
 
     casimir: Array = joined("level casimir")
@@ -76,7 +76,7 @@ def _law(
     stderr: np.ndarray,
     sizes: np.ndarray,
     steps: np.ndarray,
-) -> Law:
+) -> ExpectationErrors:
     """Expectations of F test functions, (levels, F), and their distances from the truth (F,) with its numerical error.
 
     For :mod:`spi.statistics.rounding` the `sizes` (F,) of the functions, and the `steps` (levels,).
@@ -86,7 +86,7 @@ def _law(
         away = np.where(np.isfinite(truth) & np.isnan(away), np.inf, away)
     farthest = np.argmax(np.nan_to_num(away, nan=-1.0, posinf=np.inf), axis=1)[:, None]
     error = with_rounding(np.hypot(stderr, bound), away, sizes, steps[:, np.newaxis])
-    return Law(
+    return ExpectationErrors(
         names=names,
         expectation=mean,
         expectation_stderr=stderr,
@@ -102,13 +102,13 @@ parts = each_scheme
 
 @dataclass(frozen=True, kw_only=True)
 class StabilityPlan(BlocksPlan):
-    """The paths of one scheme at all step sizes, for one value of the swept parameter."""
+    """Paths of one scheme at all step sizes, for one value of the swept parameter."""
 
-    record, sums = Stability, Paths
+    record, sums = Stability, PathExtremes
 
     @functools.cached_property
-    def grid(self) -> Grid:
-        """The step sizes of the case and the reference, on the same Brownian paths."""
+    def grid(self) -> TimeGrid:
+        """Step sizes of the case and the reference, on the same Brownian paths."""
         return reference_grid(self.case, self.part, self.case.steps)
 
     @property
@@ -118,7 +118,7 @@ class StabilityPlan(BlocksPlan):
             return False
         return bool(can_solve_equation(self.model))
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         cost, values = super().cost(), math.prod(map(len, self.case.sweep.parameters.values()))
         if self.has_truth and self.part.scheme == self.case.schemes[0]:  # the other schemes have the same
@@ -128,7 +128,7 @@ class StabilityPlan(BlocksPlan):
 
     @property
     def seconds_of_truth(self) -> float:
-        """The seconds that the true expectations take, roughly."""
+        """Seconds that the true expectations take, roughly."""
         end = self.case.final_time
         return float(seconds_of_equation(self.model, self.initial, end, self.phis, most_seconds=_MOST_SECONDS))
 
@@ -138,12 +138,11 @@ class StabilityPlan(BlocksPlan):
         return deciding if number is None else deciding | {"functions": None}
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         conserved = len(casimirs(self.model, self.initial))
         return {"level": len(self.steps), "casimir": conserved, "component": len(self.initial)}
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """The contributions of some blocks."""
+        """Contributions of some blocks."""
         observer = path_observer(self.model, self.initial, self.grid, blocks, sizes=True)
         states, report = self.integrated(first, blocks, end, observer)
         extremes = observer.extremes
@@ -151,7 +150,7 @@ class StabilityPlan(BlocksPlan):
         return watched | {"y": lanes_of(states, len(self.initial)), "report": report}
 
     def tasks(self, state: State) -> list[Task]:
-        """The true expectations."""
+        """True expectations."""
         return [Task(_TRUTH, self._truth)] if self.has_truth else []
 
     def _truth(self) -> dict[str, Any]:
@@ -159,11 +158,11 @@ class StabilityPlan(BlocksPlan):
         return {"value": value, "bound": bound}
 
     def description(self) -> Description:
-        """The description, with the name of the scheme alone for a variant: its eps may be the swept parameter."""
+        """Description, with the name of the scheme alone for a variant: its eps may be the swept parameter."""
         return replace(super().description(), variant=self.part.scheme)
 
     def results(self, state: State) -> Stability:
-        """The results for the value, all arrays without its axis."""
+        """Results for the value, all arrays without its axis."""
         case, paths, n = self.case, state.total(), self.samples
         ((word, value),) = case.sweep.places.items()
         first = np.abs(self.initial_casimirs(0, self.blocks))[:, :n]

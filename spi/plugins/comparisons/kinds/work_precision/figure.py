@@ -1,4 +1,4 @@
-"""The figure of work and precision: errors, and errors of the Casimirs, against processor time."""
+"""Figure of work and precision: errors, and errors of the Casimirs, against processor time."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,19 +12,19 @@ from spi.kinds.weak.study import label_of
 
 from .results import WorkPrecision, requested
 
-Readings = Sequence[WorkPrecision]
+WorkReadings = Sequence[WorkPrecision]
 
 _FAR = 100.0  # an error so many times larger than the middle one of the schemes' largest is that of a blow-up
 _SPOILT = 1e6  # and so is an error of a Casimir
 _TARGET: dict[str, Any] = {"color": plots.GREY, "linewidth": 0.7, "linestyle": (0, (6, 4)), "zorder": 1}
 
 
-def _with_targets(plot: plots.Plot, readings: Readings, place: int) -> plots.Plot:
-    """The panel of errors, the requested ones as lines across; those of a blow-up do not widen its axis."""
+def _with_targets(plot: plots.Plot, readings: WorkReadings, place: int) -> plots.Plot:
+    """Panel of errors, the requested ones as lines across; those of a blow-up do not widen its axis."""
     good = [one.error[one.resolved & (one.error < _SPOILT)] for one in readings]
     top = _FAR * float(np.median([error.max() for error in good if len(error)] or [_SPOILT / _FAR]))
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         low, high = ax.get_ylim()
         seen = [target for target in requested(readings) if low < target < high]
         for target in seen:
@@ -40,8 +40,8 @@ def _over_time(field: str, **options: Any) -> panels.CurvePanel:
     return panels.ErrorPanel(field, x="processor time of a path (s)", modulus=False, **axis, **options)
 
 
-def _facts(readings: Readings) -> dict[str, str]:
-    """The facts of a case, without the estimator of its weak errors if that differs from scheme to scheme."""
+def _facts(readings: WorkReadings) -> dict[str, str]:
+    """Facts of a case, without the estimator of its weak errors if that differs from scheme to scheme."""
     estimators = {reading.estimator for reading in readings}
     estimator = label_of(estimators.pop()) if len(estimators) == 1 else None
     names = "reference_step", "reference_scheme", "samples", "functions"

@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind work_precision."""
+"""Keys of an experiment of kind work_precision."""
 
 from typing import Annotated, ClassVar, Self
 

@@ -1,4 +1,4 @@
-"""The record of errors and of the times of paths, and the cost of a requested error: the step size that reaches it."""
+"""Record of errors and of the times of paths, and the cost of a requested error: the step size that reaches it."""
 
 import math
 import re
@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 
 from spi.kinds.weak.results import cannot_do
-from spi.printing.tables import Cell, Column, Grid, Own, Table
+from spi.printing.tables import Column, OwnTable, StyledText, Table, TextTable
 from spi.printing.text import duration, readable, short
 from spi.storage.records import Order
 from spi.storage.stored import Array, Claimed, Stored, array, axis, derived, fact
@@ -28,7 +28,7 @@ class WorkCurve(NamedTuple):
 
 
 class WorkPoint(NamedTuple):
-    """The time and the step size at which a scheme reaches a requested error."""
+    """Time and the step size at which a scheme reaches a requested error."""
 
     seconds: float  #: for one path
     low: float  #: its 95 % interval
@@ -38,7 +38,7 @@ class WorkPoint(NamedTuple):
 
 
 class Factor(NamedTuple):
-    """The time of another scheme over that of the cheapest, with its 95 % interval."""
+    """Time of another scheme over that of the cheapest, with its 95 % interval."""
 
     value: float
     low: float  #: 0 where the time of the other is an upper bound
@@ -53,7 +53,7 @@ class Factor(NamedTuple):
 def interval_of_median(
     median: np.ndarray, low: np.ndarray, high: np.ndarray, repeats: int
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The 95 % interval of a median of times whose quartiles are `low` and `high`, all of shape (...).
+    """95 % interval of a median of times whose quartiles are `low` and `high`, all of shape (...).
 
     The median of n normal values has the standard deviation 1.253 n^(-1/2), and their quartiles are 1.349 apart: hence
     the half width 1.82 n^(-1/2) ln(high / low) in logarithms, times 1 + 4/n because quartiles of few values are
@@ -117,7 +117,7 @@ def is_undecided(target: float, curve: WorkCurve) -> bool:
 
 
 def time_factor(best: WorkPoint, other: WorkPoint) -> Factor:
-    """The time of the work point `other` over that of `best`.
+    """Time of the work point `other` over that of `best`.
 
     The two are taken for independent of one another: the logarithmic distances to the ends of their intervals are added
     in squares.  Where the time of `other` is an upper bound the factor may be anything below, and the other way round.
@@ -132,7 +132,7 @@ def time_factor(best: WorkPoint, other: WorkPoint) -> Factor:
 
 
 def cheapest(works: dict[str, WorkPoint | None]) -> tuple[str | None, dict[str, Factor]]:
-    """The scheme that needs the least time, and the :class:`Factor` of each of the others, from the cheapest on.
+    """Scheme that needs the least time, and the :class:`Factor` of each of the others, from the cheapest on.
 
     `works` are work points by name, None where a scheme does not reach the error.  Returns a name, None if no scheme
     reaches it, and a dictionary; the first of its factors says whether the cheapest is clear of the second.
@@ -167,7 +167,7 @@ class WorkPrecision(Stored):
                 Column("nonfinite", "di-\nverged", red=0),
             ],
         ),
-        Own(lambda title, readings: _requested(readings)),
+        OwnTable(lambda title, readings: _requested(readings)),
     )
 
     h: Array = axis("step size", "time")
@@ -221,7 +221,7 @@ class WorkPrecision(Stored):
 
     @classmethod
     def answers(cls, readings: Sequence["WorkPrecision"]) -> Iterator[str]:
-        """The cheapest scheme for the largest and for the smallest requested error that any scheme reaches."""
+        """Cheapest scheme for the largest and for the smallest requested error that any scheme reaches."""
         labels, reached = {one.about.variant: one.about.label for one in readings}, []
         for target in requested(readings):
             best, point, _ = _fastest(target, readings)
@@ -234,7 +234,7 @@ class WorkPrecision(Stored):
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["WorkPrecision"]) -> Iterator[str]:
-        """The meaning of errors and times, and schemes without results."""
+        """Meaning of errors and times, and schemes without results."""
         first = readings[0]
         functions = ", ".join(readable(function, first.about.variables) for function in first.functions)
         yield f"{first.measure} error" + (f" of the expectation of {functions}" if functions else "")
@@ -245,7 +245,7 @@ class WorkPrecision(Stored):
 
 
 def requested(readings: Iterable[WorkPrecision]) -> list[float]:
-    """The errors that are asked for in a case, from small to large."""
+    """Errors that are asked for in a case, from small to large."""
     return sorted({target for reading in readings for target in reading.targets})
 
 
@@ -269,23 +269,23 @@ _MARKS = {
 }
 
 
-def _requested(readings: Sequence[WorkPrecision]) -> Iterator[Grid | Cell]:
-    """The table, and the lines that explain its marks."""
+def _requested(readings: Sequence[WorkPrecision]) -> Iterator[TextTable | StyledText]:
+    """Table, and the lines that explain its marks."""
     labels = {reading.about.variant: reading.about.label for reading in readings}
     headings = ["error", "cheapest", "h", "time", *map(_heading, labels.values())]
-    lines: list[list[Cell]] = []
+    lines: list[list[StyledText]] = []
     marks: set[str] = set()
     for target in reversed(requested(readings)):
         best, point, cells = _fastest(target, readings)
         marks.update(re.sub(r"[\d. ]", "", cell) for cell in cells.values())
         if point is not None and point.at_most:
             marks.add("≤")
-        factors = [Cell(cell, "bold" if variant == best else "") for variant, cell in cells.items()]
+        factors = [StyledText(cell, "bold" if variant == best else "") for variant, cell in cells.items()]
         texts = (_plainly(target), labels[best] if best else "none", *_needs(point))
-        lines.append([*map(Cell, texts), *factors])
+        lines.append([*map(StyledText, texts), *factors])
     title = "cheapest scheme for a requested error, times of the others as multiples"
-    yield Grid(title, headings, [lines], left=3)
-    yield from (Cell(text, "dim") for mark, text in _MARKS.items() if mark in marks)
+    yield TextTable(title, headings, [lines], left=3)
+    yield from (StyledText(text, "dim") for mark, text in _MARKS.items() if mark in marks)
 
 
 def _fastest(target: float, readings: Sequence[WorkPrecision]) -> tuple[str | None, WorkPoint | None, dict[str, str]]:

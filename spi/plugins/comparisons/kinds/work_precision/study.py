@@ -17,7 +17,7 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import arguments_of, grid, integrate, limited_threads, thread_count
 from spi.ensemble.observer import path_observer
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State, Task
+from spi.kinds.plans import Done, KernelCall, PartCost, Plan, State, Task
 from spi.kinds.strong import study as strong
 from spi.kinds.strong.results import StrongErrors
 from spi.kinds.weak import study as weak
@@ -37,7 +37,7 @@ _REPEAT = "repeat "  # with which the names of the tasks begin that measure time
 
 
 def parts(case: Any) -> list[Part]:
-    """The parts of a case in their order: each scheme, weak errors with the first estimator that can do it."""
+    """Parts of a case in their order: each scheme, weak errors with the first estimator that can do it."""
     chosen: dict[str, Part] = {}
     for part in (weak if case.functions else strong).parts(case):
         chosen.setdefault(part.variant, part)
@@ -45,7 +45,7 @@ def parts(case: Any) -> list[Part]:
 
 
 def left_out(case: Any) -> tuple[str, ...]:
-    """The schemes that no estimator of weak errors can do."""
+    """Schemes that no estimator of weak errors can do."""
     done = {part.scheme for part in parts(case)}
     return tuple(scheme for scheme in case.schemes if scheme not in done)
 
@@ -59,12 +59,12 @@ def remarks(case: Any) -> Iterator[str]:
 
 
 def plan(case: Any, part: Part) -> "WorkPlan":
-    """The plan for one scheme of a case."""
+    """Plan for one scheme of a case."""
     return WorkPlan(case=case, part=part, errors=(weak if case.functions else strong).plan(case, part))
 
 
 class _Job(NamedTuple):
-    """The work that is timed at one step size."""
+    """Work that is timed at one step size."""
 
     paths: int
     run: Callable[[], Any]  #: integrates these paths from 0 to T
@@ -88,8 +88,8 @@ class WorkPlan(Plan):
         """(S,) the steps of the results, from large to small."""
         return self.errors.h if self.case.functions else np.array(self.case.steps)
 
-    def cost(self) -> Cost:
-        """The cost of the errors and of the times, which one thread measures."""
+    def cost(self) -> PartCost:
+        """Cost of the errors and of the times, which one thread measures."""
         errors, finest = self.errors.cost(), np.maximum(self.path_steps, LANES * self.case.final_time / self.h)
         of_all = float(finest.sum()) * sum(0.5**i for i in range(self.part.extrapolate + 1))
         times = 1e-9 * typical_ns(self.row, self.model) * of_all * (self.case.repeats + 1)
@@ -105,11 +105,11 @@ class WorkPlan(Plan):
         return self.errors.initial_extra()
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
-        """The paths of the errors."""
+        """Paths of the errors."""
         return self.errors.path_sets(extra)
 
     def empty(self, number: int) -> Any:
-        """The sums over no paths."""
+        """Sums over no paths."""
         return self.errors.empty(number)
 
     def advance(self, chunks: Sequence[Chunk], started: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
@@ -121,14 +121,14 @@ class WorkPlan(Plan):
         return self.errors.next_allocation(self._of_errors(state))
 
     def _of_errors(self, state: State) -> State:
-        """The state of the errors."""
+        """State of the errors."""
         own = State(self.errors)
         own.extra, own.tallies = state.extra, state.tallies
         own.answers = {name: answer for name, answer in state.answers.items() if not name.startswith(_REPEAT)}
         return own
 
     def kernel_calls(self) -> list[KernelCall]:
-        """The kernels of the errors, and the fewest steps of one block that can be timed."""
+        """Kernels of the errors, and the fewest steps of one block that can be timed."""
         timed = self._arguments(float(self.h[0]), 2**self.part.extrapolate, 1)
         return [*self.errors.kernel_calls(), KernelCall(integrate, timed)]
 
@@ -147,12 +147,12 @@ class WorkPlan(Plan):
 
     @property
     def _repeats(self) -> list[str]:
-        """The names of the tasks that measure."""
+        """Names of the tasks that measure."""
         return [f"{_REPEAT}{number}" for number in range(1, self.case.repeats + 1)]
 
     @property
     def path_steps(self) -> int:
-        """The steps of paths that are timed at once: fewer where they would take more than about 0.1 s."""
+        """Steps of paths that are timed at once: fewer where they would take more than about 0.1 s."""
         return min(_PATH_STEPS, int(1e8 / typical_ns(self.row, self.model)))
 
     def job(self, h: float) -> _Job:
@@ -163,7 +163,7 @@ class WorkPlan(Plan):
         return _Job(blocks * LANES, lambda: integrate(scheme, model, start.copy(), *others))
 
     def _arguments(self, h: float, steps: int, blocks: int) -> tuple[Any, ...]:
-        """The arguments of the loop for steps of size h of some blocks.
+        """Arguments of the loop for steps of size h of some blocks.
 
         With extrapolation there are also half as many steps of size 2h, and so on, of the same Brownian paths.
         """
@@ -177,7 +177,7 @@ class WorkPlan(Plan):
         return arguments_of(*run, observer)
 
     def progress(self, state: State) -> Done:
-        """The progress of the errors and, from the first repeat on, of the times, in seconds of typical speed."""
+        """Progress of the errors and, from the first repeat on, of the times, in seconds of typical speed."""
         of_errors = self.errors.progress(self._of_errors(state))
         measured = sum(repeat in state.answers for repeat in self._repeats)
         if not measured:
@@ -186,7 +186,7 @@ class WorkPlan(Plan):
         return Done(measured * seconds, self.case.repeats * seconds, of_errors.stderr)
 
     def results(self, state: State) -> WorkPrecision:
-        """The results of one scheme of a case: errors, and the quartiles of the times."""
+        """Results of one scheme of a case: errors, and the quartiles of the times."""
         case, errors = self.case, self.errors.results(self._of_errors(state))
         of_errors = _of_strong(errors) if isinstance(errors, StrongErrors) else _of_weak(errors)
         times = np.array([state.answers[repeat]["times"] for repeat in self._repeats])
@@ -219,13 +219,13 @@ def _seconds_per_path(jobs: Iterable[_Job]) -> list[float]:
 
 
 def _of_strong(errors: StrongErrors) -> dict[str, Any]:
-    """The fields that strong errors have under the same names."""
+    """Fields that strong errors have under the same names."""
     names = ("error", "error_stderr", "resolved", "nonfinite", "casimir_drift", "order", "samples", "note")
     return {"measure": "strong"} | {name: getattr(errors, name) for name in names}
 
 
 def _of_weak(errors: WeakErrors) -> dict[str, Any]:
-    """The fields that weak errors have of their only test function."""
+    """Fields that weak errors have of their only test function."""
     fields: dict[str, Any] = {
         "measure": "weak",
         "estimator": errors.about.estimator,

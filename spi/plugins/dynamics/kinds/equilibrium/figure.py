@@ -12,7 +12,7 @@ from spi.plugins.dynamics.kinds.long_paths.figure import ACCEPTANCE, GROWTH
 
 from .results import Equilibrium
 
-Readings = Sequence[Equilibrium]
+EquilibriumReadings = Sequence[Equilibrium]
 
 _ENDS = 0.02  # an autocorrelation is shown until it is less than that
 _GONE = 0.1  # autocorrelations of which there is no panel if they are less from the first lag on
@@ -35,7 +35,7 @@ def _smallest_finite(reading: Equilibrium) -> int | None:
     return int(finite[-1]) if len(finite) else None
 
 
-def _until_small(plot: plots.Plot, readings: Readings, f: int) -> plots.Plot | str:
+def _until_small(plot: plots.Plot, readings: EquilibriumReadings, f: int) -> plots.Plot | str:
     """An autocorrelation as far as it differs from 0, or the fact that it is gone at the first lag."""
     last = 0.0
     if all((np.abs(line.y[1:]) < _GONE).all() for line in plot.series):
@@ -52,7 +52,7 @@ def _response(reading: Equilibrium, f: int) -> float:
     return reading.averages.response(f)[1]
 
 
-def _named_response(plot: plots.Plot, readings: Readings, f: int) -> plots.Plot:
+def _named_response(plot: plots.Plot, readings: EquilibriumReadings, f: int) -> plots.Plot:
     averages = readings[0].averages
     name, f_name = averages.response(f)[0], style.maths(averages.functions[f], readings[0].about.variables).strip("$")
     power = "T^2" if name == "heat capacity" else "T"

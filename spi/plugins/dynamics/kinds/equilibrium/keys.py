@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind equilibrium."""
+"""Keys of an experiment of kind equilibrium."""
 
 from collections.abc import Mapping
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -26,7 +26,7 @@ from spi.statistics.claims import claimable
 from .references import REFERENCES, derived_quantity
 from .results import PANELS, Equilibrium
 
-Panels = tuple[Literal[PANELS], ...]
+EquilibriumPanels = tuple[Literal[PANELS], ...]
 Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} if isinstance(value, str) else value)]
 
 _MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given
@@ -67,7 +67,7 @@ class Case(CodeKeys, LongCase):
     ) = Field(default_factory=dict)
     accuracy: key_of(Positive | None, "bias and standard error for which the table says step size and time") = None
     panels: key_of(
-        Panels,
+        EquilibriumPanels,
         f"what the figure shows, some of {', '.join(PANELS)}; default: means, histogram and autocorrelation",
     ) = ()
 
@@ -89,17 +89,17 @@ class Case(CodeKeys, LongCase):
 
     @property
     def path_functions(self) -> tuple[PathFunction, ...]:
-        """The functions, in the order of their names."""
+        """Functions, in the order of their names."""
         return tuple(function_of(self, text) for text in self.functions.values())
 
     @property
     def between(self) -> float:
-        """The time between two values of functions."""
+        """Time between two values of functions."""
         return self.spacing or max(self.steps) * 2.0 ** max(0, np.ceil(np.log2(self._least_stride)))
 
     @property
     def _least_stride(self) -> float:
-        """The number of the largest steps from which on a power of two lies between two values."""
+        """Number of the largest steps from which on a power of two lies between two values."""
         h = max(self.steps)
         least = self.last_time / (_MOST_SNAPSHOTS * h)
         if not alone.is_long(self):
@@ -110,13 +110,13 @@ class Case(CodeKeys, LongCase):
 
     @property
     def _fitting(self) -> float:
-        """The number of states of paths that are moved together that fit into memory."""
+        """Number of states of paths that are moved together that fit into memory."""
         paths = 1 if self.in_parts else LANES * min(_BLOCKS, -(-self.samples // LANES))
         return _MOST_BYTES / (8 * paths * dimension(self.model))
 
     @property
     def burnt(self) -> float:
-        """The time that does not count."""
+        """Time that does not count."""
         return _BURNT * self.last_time if self.burn_in is None else self.burn_in
 
     def check_time(self) -> None:
@@ -130,7 +130,7 @@ class Case(CodeKeys, LongCase):
 
     @condition
     def _check_functions(self) -> Self:
-        """The case with functions."""
+        """Case with functions."""
         if not self.functions and answers(frozen, undamped(self.model)):
             right = "add functions of the state, as in {phi: y1^2}; H, the default, depends on time"
             raise wrong("missing key 'functions'", right, "functions")
@@ -170,7 +170,7 @@ class Case(CodeKeys, LongCase):
 
     @condition
     def _check_reference(self) -> Self:
-        """The case with the reference of each function by its name."""
+        """Case with the reference of each function by its name."""
         of_all = self.reference.get("")
         reference = dict.fromkeys(self.functions, of_all) if of_all is not None else self.reference
         reference = with_others(self, reference, "reference")
@@ -180,5 +180,5 @@ class Case(CodeKeys, LongCase):
 
     @condition
     def _check_panels(self) -> Self:
-        """The case with the panels of its figure."""
+        """Case with the panels of its figure."""
         return self if self.panels else self.model_copy(update={"panels": PANELS[:3]})

@@ -16,8 +16,8 @@ from spi.statistics.accumulators import Array, added, of_first
 from spi.statistics.rounding import is_rounding, size_of_values, with_rounding
 from spi.storage.records import Order, student
 
-from .references import Known, derived_quantity, known_laws
-from .results import FEW, LEAST_PATHS, Averages, Derived, batches_of
+from .references import FunctionReferences, derived_quantity, known_laws
+from .results import FEW, LEAST_PATHS, Averages, DerivedQuantities, batches_of
 
 _MOST_LAGS = 512  # at which autocovariances are computed
 _MOST_BYTES = 2**24  # of states that are recorded at a time
@@ -42,33 +42,33 @@ class RecordedPaths(LongPaths):
     cells: Array = added("function cell group", int)  #: values below all bins or NaN, in each, and above all
 
 
-class Series(NamedTuple):
-    """The snapshots of the paths of one step size at which functions are evaluated."""
+class SnapshotSeries(NamedTuple):
+    """Snapshots of the paths of one step size at which functions are evaluated."""
 
     stride: int  #: steps from one to the next
     total: int  #: their number
     used: int  #: number of those that count, the last ones
 
     @classmethod
-    def of(cls, case: Any, number: int) -> "Series":
-        """The snapshots at step size number `number` of a case."""
+    def of(cls, case: Any, number: int) -> "SnapshotSeries":
+        """Snapshots at step size number `number` of a case."""
         total = round(case.final_time / case.between)
         left = max(0, total - math.ceil(case.burnt / case.between - 1e-9))
         return cls(round(case.between / case.steps[number]), total, left // batches_of(left) * batches_of(left))
 
     @property
     def first(self) -> int:
-        """The number of those that do not count, the first ones."""
+        """Number of those that do not count, the first ones."""
         return self.total - self.used
 
     @property
     def batches(self) -> int:
-        """The number of batches of time."""
+        """Number of batches of time."""
         return batches_of(self.used)
 
     @property
     def lags(self) -> int:
-        """The number of lags of autocovariances: about a tenth of `used`, a power of two, 0 and 1 at least."""
+        """Number of lags of autocovariances: about a tenth of `used`, a power of two, 0 and 1 at least."""
         return min(1 << max(1, math.ceil(math.log2(self.used / 10))), _MOST_LAGS)
 
     def piece(self, dimension: int, blocks: int) -> int:
@@ -77,31 +77,31 @@ class Series(NamedTuple):
         return STEPS_PER_TOSS << max(0, (_MOST_BYTES // each).bit_length() - 1)
 
 
-class Recorder(NamedTuple):
+class FunctionRecorder(NamedTuple):
     """Records F functions along the paths of one step size."""
 
     functions: tuple[PathFunction, ...]
     origins: Array  #: (F,) subtracted from values, so that variances do not cancel
-    series: Series
+    series: SnapshotSeries
     low: Array  #: (F,) where the first bin begins
     width: Array  #: (F,) of a bin; NaN where bins are made of all values at the end
     bins: int
 
     @classmethod
-    def of(cls, case: Any, number: int, bins: Any = (np.nan, np.nan)) -> "Recorder":
-        """The recorder at step size number `number` of a case, with `bins` (low, width), or such of all values."""
+    def of(cls, case: Any, number: int, bins: Any = (np.nan, np.nan)) -> "FunctionRecorder":
+        """Recorder at step size number `number` of a case, with `bins` (low, width), or such of all values."""
         functions = case.path_functions
         origins = np.array([origin_of(function, case.initial) for function in functions])
         low, width = (np.broadcast_to(each, len(functions)) for each in bins)
-        return cls(functions, origins, Series.of(case, number), low, width, case.bins)
+        return cls(functions, origins, SnapshotSeries.of(case, number), low, width, case.bins)
 
     @property
     def keeps(self) -> bool:
         """Whether all values are kept."""
         return bool(np.isnan(self.width).any())
 
-    def with_bins_of(self, series: Array) -> "Recorder":
-        """The recorder with bins around all values (F, kept), the recorder itself where it has bins."""
+    def with_bins_of(self, series: Array) -> "FunctionRecorder":
+        """Recorder with bins around all values (F, kept), the recorder itself where it has bins."""
         if not self.keeps:
             return self
         low, width = bins_around(series + self.origins[:, np.newaxis], self.bins)
@@ -114,7 +114,7 @@ class Recorder(NamedTuple):
 
     @property
     def lengths(self) -> dict[str, int]:
-        """The lengths of the axes of the fields of :class:`RecordedPaths` about functions."""
+        """Lengths of the axes of the fields of :class:`RecordedPaths` about functions."""
         kept = self.series.used if self.keeps else 0
         return {"function": len(self.functions), "lag": self.series.lags, "cell": self.bins + 2, "kept": kept}
 
@@ -142,7 +142,7 @@ class Recorder(NamedTuple):
         return evaluated(self.functions, state[:, np.newaxis])[:, 0] - self.origins
 
     def recorded(self, paths: RecordedPaths, values: Array, n: int, first: int, end: int) -> RecordedPaths:
-        """The paths, after n steps, with further values (F, blocks, LANES, K), the first block being number `first`."""
+        """Paths, after n steps, with further values (F, blocks, LANES, K), the first block being number `first`."""
         begin: int = max(0, n // self.series.stride - self.series.first)
         count: int = values.shape[-1]
         if not count:
@@ -252,20 +252,20 @@ def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def with_bins(recorders: Sequence[Recorder], totals: Sequence[RecordedPaths]) -> list[Recorder]:
+def with_bins(recorders: Sequence[FunctionRecorder], totals: Sequence[RecordedPaths]) -> list[FunctionRecorder]:
     """Recorders with the bins of the sums over the paths of each step size."""
     return [recorder.with_bins_of(paths.series) for recorder, paths in zip(recorders, totals, strict=True)]
 
 
-def references_of(recorders: Sequence[Recorder], case: Any) -> Known:
-    """The references of the functions of a case, and of the bins of recorders."""
+def references_of(recorders: Sequence[FunctionRecorder], case: Any) -> FunctionReferences:
+    """References of the functions of a case, and of the bins of recorders."""
     return known_laws(case, [recorder.edges for recorder in recorders])
 
 
 def averages(
-    recorders: Sequence[Recorder], case: Any, totals: Sequence[RecordedPaths], known: Mapping[str, Any] | None
+    recorders: Sequence[FunctionRecorder], case: Any, totals: Sequence[RecordedPaths], known: Mapping[str, Any] | None
 ) -> Averages:
-    """The record of the functions of a case, from the sums over the paths of each step size.
+    """Record of the functions of a case, from the sums over the paths of each step size.
 
     The fields of `known` are those of :func:`references_of`, None where no reference takes a computation.
     """
@@ -274,7 +274,10 @@ def averages(
     fields = {name: np.array([at_h[name] for at_h in each]) for name in each[0]}
     without, average = fields.pop("without"), fields["average"]
     stderr = np.where(np.isfinite(fields["stderr_paths"]), fields["stderr_paths"], fields["stderr_tau"])
-    references = Known(*(known[name] for name in Known._fields)) if known else references_of(recorders, case)
+    if known is None:
+        references = references_of(recorders, case)
+    else:
+        references = FunctionReferences(*(known[name] for name in FunctionReferences._fields))
     own, series = references.at_finest, recorders[0].series
     references = references._replace(
         value=np.where(own, average[-1], references.value), error=np.where(own, stderr[-1], references.error)
@@ -302,7 +305,7 @@ def averages(
     )
 
 
-def _estimates(recorder: Recorder, paths: RecordedPaths, case: Any) -> dict[str, Array]:
+def _estimates(recorder: FunctionRecorder, paths: RecordedPaths, case: Any) -> dict[str, Array]:
     """Fields of :class:`Averages` at one step size, and ``without``, (groups, F), the averages without each group."""
     samples, used, spacing, parted = case.samples, recorder.series.used, case.between, recorder.series.batches
     counts = estimators.group_counts(samples)
@@ -381,8 +384,8 @@ def _without_batches(sums: Array, samples: int) -> tuple[Array, Array]:
     return each.mean(axis=-1), (each.sum(axis=-1, keepdims=True) - each) / (each.shape[-1] - 1)
 
 
-def _sizes(recorder: Recorder, mean: Array, case: Any) -> tuple[Array, int]:
-    """The sizes (F,) of functions for rounding, and the steps."""
+def _sizes(recorder: FunctionRecorder, mean: Array, case: Any) -> tuple[Array, int]:
+    """Sizes (F,) of functions for rounding, and the steps."""
     at_start = [size_of_values(function.values, case.initial) for function in recorder.functions]
     return np.maximum(at_start, np.abs(mean + recorder.origins)), recorder.series.total * recorder.series.stride
 
@@ -397,7 +400,7 @@ def _of_columns(formula: Callable[[Array, float], Array], case: Any) -> Callable
     return lambda means: formula(means.T, case.temperature)
 
 
-def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[RecordedPaths]) -> Derived:
+def _derived(recorders: Sequence[FunctionRecorder], case: Any, totals: Sequence[RecordedPaths]) -> DerivedQuantities:
     """Quantities that follow from means, with the jackknife over groups of paths, of few or equal ones over batches."""
     names, found = tuple(case.functions), []
     formulas = [derived_quantity(text, names) for text in case.derived.values()]
@@ -417,11 +420,12 @@ def _derived(recorders: Sequence[Recorder], case: Any, totals: Sequence[Recorded
         stderr = with_rounding(estimators.jackknife_stderr(value, left_out.T, counts), change, size, steps)
         found.append((value, np.where(change == 0, 0.0, stderr)))
     value, stderr = (np.array(each) for each in zip(*found, strict=True))
-    return Derived(quantities=tuple(case.derived), formulas=tuple(case.derived.values()), value=value, stderr=stderr)
+    names, texts = tuple(case.derived), tuple(case.derived.values())
+    return DerivedQuantities(quantities=names, formulas=texts, value=value, stderr=stderr)
 
 
 def _order(case: Any, own: bool, reference: float, average: Array, without: Array, error: Array) -> tuple[Order, float]:
-    """The order p of the bias of a function in the step size, and C of bias = C h^p.
+    """Order p of the bias of a function in the step size, and C of bias = C h^p.
 
     Averages and errors are (S,), and `without` (groups, S) averages without each group.  With `own` the reference
     is the mean at the smallest step size, which is left out.

@@ -13,7 +13,7 @@ from spi.plugins.dynamics.exact import gibbs
 from spi.plugins.dynamics.kinds.references import EXACT, FINEST, References, Word, gibbs_mean, reason_of
 
 
-class Known(NamedTuple):
+class FunctionReferences(NamedTuple):
     """References of F functions; NaN where there is none."""
 
     value: np.ndarray  #: (F,)
@@ -40,7 +40,7 @@ REFERENCES = References(
 )
 
 
-def known_laws(case: Any, edges: Sequence[np.ndarray]) -> Known:
+def known_laws(case: Any, edges: Sequence[np.ndarray]) -> FunctionReferences:
     """References of the functions of a case; `edges` (F, bins + 1) at each step size are those of the bins."""
     value, error = REFERENCES.means(case, np.zeros(1))
     variance = np.full(len(case.functions), np.nan)
@@ -52,7 +52,7 @@ def known_laws(case: Any, edges: Sequence[np.ndarray]) -> Known:
             variance[f] = _variance(*law, function)
             for i, of_step in enumerate(edges):
                 shares[i, f] = _shares(*law, function, tuple(of_step[f].tolist()))
-    return Known(value[:, 0], error[:, 0], variance, np.array([one == FINEST for one in given]), shares)
+    return FunctionReferences(value[:, 0], error[:, 0], variance, np.array([one == FINEST for one in given]), shares)
 
 
 @functools.lru_cache(maxsize=64, typed=True)
@@ -70,7 +70,7 @@ def _variance(model: Any, initial: Any, temperature: float, function: PathFuncti
 def _shares(
     model: Any, initial: Any, temperature: float, function: PathFunction, edges: tuple[float, ...]
 ) -> np.ndarray:
-    """The probabilities of a function in bins; NaN where they are not known, as on more than one sphere."""
+    """Probabilities of a function in bins; NaN where they are not known, as on more than one sphere."""
     law = gibbs.law_of(model, initial, temperature)
     try:
         return np.asarray(law.probabilities(function.values, np.array(edges)))

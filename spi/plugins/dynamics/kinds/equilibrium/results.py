@@ -33,11 +33,11 @@ _SELDOM = 0.01
 
 
 def batches_of(values: int) -> int:
-    """The number of batches of so many values of a path."""
+    """Number of batches of so many values of a path."""
     return BATCHES if values >= FEW else 4 if values >= 8 else 2
 
 
-class Derived(Described):
+class DerivedQuantities(Described):
     """Quantities that follow from means of functions."""
 
     quantities: tuple[str, ...] = axis("quantity", name="quantity", column="{}")
@@ -81,7 +81,7 @@ class Averages(Described):
     reference: Array = array("function", "known mean, or mean at the smallest step size; NaN without one")
     reference_stderr: Array = array("function", "standard or numerical error of the reference")
     reference_variance: Array = array("function", "exact variance; NaN where not known")
-    quantities: Derived | None = nested(default=None)
+    quantities: DerivedQuantities | None = nested(default=None)
     order: tuple[Order, ...] = array("function", "order in the step size of the bias of the mean")
     constant: Array = array("function", "C in bias = C h^p with the fitted order p; NaN where not fitted")
     lag: Array = axis("time between two values", "time")
@@ -168,7 +168,7 @@ class Averages(Described):
         return np.isfinite(self.factors) & ~self.of_energy
 
     def response(self, f: int) -> tuple[str, float]:
-        """The response proportional to the variance, by name, and the factor; NaN without a temperature.
+        """Response proportional to the variance, by name, and the factor; NaN without a temperature.
 
         It is the "heat capacity" Var H / T^2, or of another function f the "susceptibility" Var f / T.
         """

@@ -12,9 +12,10 @@ import numpy as np
 
 from spi.kinds import one_path as alone
 from spi.kinds.functions import evaluated, origin_of, path_function
-from spi.kinds.plans import Cost, State, Task, each_scheme
+from spi.kinds.plans import PartCost, State, Task, each_scheme
 from spi.models.delegation import undamped
 from spi.numerics.rng import LANES
+from spi.numerics.types import Array
 from spi.plugins.dynamics.kinds.long_paths.study import CHUNK_BLOCKS, LongPlan
 from spi.plugins.dynamics.kinds.references import EXACT
 from spi.statistics.estimators import GROUPS
@@ -27,7 +28,6 @@ from .results import Equilibrium
 _LAWS = "reference laws"  # the name of the task
 _PILOT = 4096  # steps of one block, around whose values the bins of histograms lie
 
-Array = np.ndarray
 
 parts = each_scheme
 
@@ -40,12 +40,12 @@ class EquilibriumPlan(LongPlan):
     sums = means.RecordedPaths
 
     @functools.cached_property
-    def recorders(self) -> tuple[means.Recorder, ...]:
-        """The recorder of functions at each step size."""
+    def recorders(self) -> tuple[means.FunctionRecorder, ...]:
+        """Recorder of functions at each step size."""
         numbers = range(len(self.case.steps))
         if self.is_long:
-            return tuple(means.Recorder.of(self.case, i) for i in numbers)
-        return tuple(means.Recorder.of(self.case, i, self._bins(i)) for i in numbers)
+            return tuple(means.FunctionRecorder.of(self.case, i) for i in numbers)
+        return tuple(means.FunctionRecorder.of(self.case, i, self._bins(i)) for i in numbers)
 
     def _bins(self, number: int) -> tuple[Array, Array]:
         """(low, width), (F,) each, of the bins of the functions, from values of the first block."""
@@ -55,7 +55,7 @@ class EquilibriumPlan(LongPlan):
         values = evaluated(self.case.path_functions, states)
         return means.bins_around(values.reshape(len(values), -1), self.case.bins)
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Also of looking at one large lattice, and the memory of recorded values of many paths."""
         cost, count = super().cost(), len(self.case.functions)
         if self.one_path:
@@ -87,7 +87,7 @@ class EquilibriumPlan(LongPlan):
         return series.stride if self.is_long or stop > series.first * series.stride else 0
 
     def looked(self, chunk: Chunk, paths: means.RecordedPaths, before: int, stored: Array) -> means.RecordedPaths:
-        """The paths with the values of functions at the stored states."""
+        """Paths with the values of functions at the stored states."""
         recorder = self.recorders[chunk.path_set]
         values = recorder.values(stored, before, self.lanes)
         return recorder.recorded(paths, values, before, chunk.first, chunk.end)
@@ -100,13 +100,13 @@ class EquilibriumPlan(LongPlan):
     def with_looks(
         self, chunk: Chunk, paths: means.RecordedPaths, before: int, looks: list[Array]
     ) -> means.RecordedPaths:
-        """The path with values of functions."""
+        """Path with values of functions."""
         values = np.transpose(looks)[:, np.newaxis, np.newaxis]
         in_lanes = np.broadcast_to(values, (len(values), 1, LANES, len(looks)))
         return self.recorders[chunk.path_set].recorded(paths, in_lanes, before, chunk.first, chunk.end)
 
     def ended(self, chunk: Chunk, paths: means.RecordedPaths, states: Array) -> means.RecordedPaths:
-        """The paths of a chunk after all steps, with sums over groups in place of values."""
+        """Paths of a chunk after all steps, with sums over groups in place of values."""
         summed = self.recorders[chunk.path_set].finished(paths, chunk.first, chunk.end)
         left = {name: getattr(paths, name)[:, :0] for name in ("stretch", "batches", "squares")}
         return super().ended(chunk, paths, states)._replace(**left, **summed)
@@ -121,7 +121,7 @@ class EquilibriumPlan(LongPlan):
         return np.array(sizes)
 
     def tasks(self, state: State) -> list[Task]:
-        """The references that are quadratures of the Gibbs law."""
+        """References that are quadratures of the Gibbs law."""
         if EXACT not in self.case.reference.values():
             return []
         recorders = means.with_bins(self.recorders, self.totals(state))

@@ -1,4 +1,4 @@
-"""The figure of growth: errors of the Casimirs over the steps, and the law of long paths beside the uniform one."""
+"""Figure of growth: errors of the Casimirs over the steps, and the law of long paths beside the uniform one."""
 
 from collections.abc import Iterator, Sequence
 from typing import Any
@@ -10,7 +10,7 @@ from spi.plugins.dynamics.kinds.long_paths.figure import ACCEPTANCE, GROWTH
 
 from .results import Growth
 
-Readings = Sequence[Growth]
+GrowthReadings = Sequence[Growth]
 
 MOST = 4  # variables shown
 NARROWEST, WIDEST = 0.03, 0.6  # deviations of a density from 1 that the axis reaches at least, and at most
@@ -23,7 +23,7 @@ def _is_chosen(reading: Growth, place: int) -> bool:
     return count <= MOST or place < 2 or place >= count - 2
 
 
-def _law(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _law(readings: GrowthReadings, looks: style.Looks) -> Iterator[plots.Plot]:
     """Frequency over exact probability in bins of equal probability, at the largest step size without lost paths."""
     laws = [(one, one.law, i) for one in readings if one.law and (i := one.largest_finite) is not None]
     if not laws:
@@ -55,7 +55,7 @@ def _law(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
 
 PANELS: dict[str, Any] = {
     "growth": GROWTH,
-    "law": [panels.Own(_law)],
+    "law": [panels.OwnPanels(_law)],
     "distance": [
         panels.ErrorPanel("law_distance", facet="variable", label=r"$\max\,|F_h-F|$ of ${f}$", only=_is_chosen)
     ],
@@ -63,7 +63,7 @@ PANELS: dict[str, Any] = {
 }
 
 
-def _facts(readings: Readings) -> dict[str, str]:
+def _facts(readings: GrowthReadings) -> dict[str, str]:
     first = readings[0]
     steps = f" of ${style.number(first.steps_each, steps=True)}$ steps"
     return {**style.facts(first), "paths": f"{style.count(first.samples)} paths{steps}"}

@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind growth."""
+"""Keys of an experiment of kind growth."""
 
 from collections.abc import Mapping
 from typing import Annotated, ClassVar, Literal, Self
@@ -34,7 +34,7 @@ class Case(LongCase):
 
     @property
     def last_time(self) -> float:
-        """The final time of the largest step size."""
+        """Final time of the largest step size."""
         return max(self.steps) * self.step_count
 
     @property
@@ -55,5 +55,5 @@ class Case(LongCase):
 
     @condition
     def _check_panels(self) -> Self:
-        """The case with the panels of its figure."""
+        """Case with the panels of its figure."""
         return self if self.panels else self.model_copy(update={"panels": PANELS[:1]})

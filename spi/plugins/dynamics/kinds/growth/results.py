@@ -1,4 +1,4 @@
-"""The record of growth: errors of the Casimir functions over very many steps, and the law of the states."""
+"""Record of growth: errors of the Casimir functions over very many steps, and the law of the states."""
 
 from collections.abc import Iterator, Sequence
 from statistics import NormalDist
@@ -14,8 +14,8 @@ from spi.storage.stored import Array, Described, array, axis, derived, fact
 PANELS = ("growth", "law", "distance", "acceptance")
 
 
-class Law(Described):
-    """The law of the states beside the exact stationary one, from the snapshots of all paths.
+class StationaryLaw(Described):
+    """Law of the states beside the exact stationary one, from the snapshots of all paths.
 
     Means of moments such as y_1^2, and distributions of variables such as y_1 in bins of equal probability.
     """
@@ -71,7 +71,7 @@ class Growth(LongRecord):
     )
     row_columns = ("casimir", "moment", "variable")
 
-    law: Law | None = None  # where the stationary law is known
+    law: StationaryLaw | None = None  # where the stationary law is known
     snapshots: int = fact("snapshots of each path that count for the law")
 
     def freedom(self, name: str) -> float:
@@ -94,5 +94,5 @@ Record = Growth
 
 
 def chance(count: int) -> float:
-    """The bound of the largest |z| of `count` independent standard normals in 95 % of cases."""
+    """Bound of the largest |z| of `count` independent standard normals in 95 % of cases."""
     return NormalDist().inv_cdf(0.5 + 0.5 * 0.95 ** (1 / count))

@@ -19,7 +19,7 @@ from spi.plugins.dynamics.kinds.long_paths.study import LongPlan
 from spi.statistics import estimators
 from spi.statistics.accumulators import Array, joined, of_first
 
-from .results import Growth, Law
+from .results import Growth, StationaryLaw
 
 _WARM_UP = 1 / 16  # of the time, before snapshots count for the law
 
@@ -45,7 +45,7 @@ class GrowthPlan(LongPlan):
 
     @cached_property
     def law(self) -> SphereLaw | None:
-        """The limit of the law of the states, None where that is not known."""
+        """Limit of the law of the states, None where that is not known."""
         model, initial = self.case.model, self.case.initial
         return None if obstacle(model, initial) else SphereLaw.of(model, initial)
 
@@ -64,7 +64,7 @@ class GrowthPlan(LongPlan):
         return paths._replace(moments=moments, counts=counts, snapshots=paths.snapshots + 1)
 
     def found(self, state: State) -> dict[str, Any]:
-        """The law."""
+        """Law."""
         totals = self.totals(state)
         law = law_of_states(self.law, totals) if self.law else None
         return {"law": law, "snapshots": int(totals[0].snapshots)}
@@ -73,7 +73,7 @@ class GrowthPlan(LongPlan):
 plan = GrowthPlan.of
 
 
-def law_of_states(law: SphereLaw, totals: Sequence[GrowthPaths]) -> Law:
+def law_of_states(law: SphereLaw, totals: Sequence[GrowthPaths]) -> StationaryLaw:
     """Means and fractions in bins against their exact values, from the paths of each step size."""
     snapshots = max(totals[0].snapshots, 1)
     moments = np.array([paths.moments for paths in totals]) / snapshots
@@ -81,7 +81,7 @@ def law_of_states(law: SphereLaw, totals: Sequence[GrowthPaths]) -> Law:
     below = np.cumsum(fractions, axis=2)[:, :, :-1]
     away = np.abs(below.mean(axis=3) - np.arange(1, BINS) / BINS)
     farthest = away.argmax(axis=2)[..., None]
-    return Law(
+    return StationaryLaw(
         variables=tuple(law.variables),
         moments=tuple(law.moments),
         mean=moments.mean(axis=2),

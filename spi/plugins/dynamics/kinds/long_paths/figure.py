@@ -10,7 +10,7 @@ from spi.drawing import panels, plots, style
 
 from .results import LongRecord
 
-Readings = Sequence[LongRecord]
+LongReadings = Sequence[LongRecord]
 
 FLOOR = 1e-11  #: errors of schemes that preserve a Casimir but for rounding are expected to stay below this
 TOP = 1e2  # larger errors are only marked
@@ -20,19 +20,19 @@ _FLOOR_LOOK: dict[str, Any] = {"color": "black", "linestyle": "-.", "linewidth":
 
 
 def _exponent(reading: LongRecord, c: int, i: int) -> str:
-    """The fitted growth of the error of Casimir `c` at step size `i`."""
+    """Fitted growth of the error of Casimir `c` at step size `i`."""
     p, low, high = (float(values[i, c]) for values in (reading.growth, reading.growth_low, reading.growth_high))
     return f"$n^{{{p:.2f}}}$ [{low:.2f}, {high:.2f}]" if math.isfinite(p) else ""
 
 
-def _with_slopes(plot: plots.Plot, readings: Readings, c: int) -> plots.Plot:
+def _with_slopes(plot: plots.Plot, readings: LongReadings, c: int) -> plots.Plot:
     """Slope 1/2 just above the errors of the scheme that preserves Casimir `c` best, and slope 1 from its start."""
     ends = [(rms[-1], reading.n, rms) for reading in readings for rms in reading.casimir_rms[..., c]]
     small = [end for end in ends if 0 < end[0] < PRESERVED]
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         ax.axhline(FLOOR, zorder=1, **_FLOOR_LOOK)
-        entries: list[plots.Entry] = [(plots.Line2D([], [], **_FLOOR_LOOK), f"${style.power(FLOOR)}$")]
+        entries: list[plots.LegendEntry] = [(plots.Line2D([], [], **_FLOOR_LOOK), f"${style.power(FLOOR)}$")]
         if not small:
             return entries
         _, n, values = min(small, key=lambda end: end[0])
@@ -51,7 +51,7 @@ def _with_slopes(plot: plots.Plot, readings: Readings, c: int) -> plots.Plot:
     )
 
 
-def _acceptance(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
+def _acceptance(readings: LongReadings, looks: style.Looks) -> Iterator[plots.Plot]:
     """Shares of accepted noise flows (line) and steps of the drift (dashed), against the step size."""
     lines = []
     for one in readings:
@@ -81,4 +81,4 @@ GROWTH = [
         look={"markersize": 4.5},
     )
 ]
-ACCEPTANCE = [panels.Own(_acceptance)]
+ACCEPTANCE = [panels.OwnPanels(_acceptance)]

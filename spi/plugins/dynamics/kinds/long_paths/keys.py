@@ -1,4 +1,4 @@
-"""The keys that kinds of experiments with long paths have in common."""
+"""Keys that kinds of experiments with long paths have in common."""
 
 from typing import ClassVar, Self
 
@@ -28,7 +28,7 @@ class LongCase(BaseCase):
 
     @property
     def counts(self) -> list[int]:
-        """The number of steps of each step size."""
+        """Number of steps of each step size."""
         raise NotImplementedError
 
     @property
@@ -42,7 +42,7 @@ class LongCase(BaseCase):
 
     @condition
     def _check_steps(self) -> Self:
-        """The case with its steps from large to small."""
+        """Case with its steps from large to small."""
         check_distinct(self.steps, "steps")
         self.check_time()
         check_schemes(self, self.schemes, self.steps, "steps")

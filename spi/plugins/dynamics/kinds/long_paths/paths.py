@@ -1,4 +1,4 @@
-"""The sums over long paths, and the growth of the errors of their Casimir functions."""
+"""Sums over long paths, and the growth of the errors of their Casimir functions."""
 
 from typing import Any
 

@@ -1,4 +1,4 @@
-"""The record of long paths: the errors of the Casimir functions after several numbers of steps."""
+"""Record of long paths: the errors of the Casimir functions after several numbers of steps."""
 
 import math
 
@@ -69,7 +69,7 @@ class LongRecord(Stored):
 
     @property
     def largest_finite(self) -> int | None:
-        """The number of the largest step size at which all paths are finite; None if there is none."""
+        """Number of the largest step size at which all paths are finite; None if there is none."""
         finite = np.flatnonzero(self.nonfinite == 0)
         return int(finite[np.argmax(self.h[finite])]) if len(finite) else None
 

@@ -18,8 +18,9 @@ from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
 from spi.ensemble.protocol import casimirs, conserved, one_path
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import paths_moved, reported
-from spi.kinds.plans import Cost, Done, KernelCall, Plan, State
+from spi.kinds.plans import Done, KernelCall, PartCost, Plan, State
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
+from spi.numerics.types import Array
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
 
@@ -29,8 +30,6 @@ from .paths import LongPaths, casimir_errors
 SNAPSHOTS = 8192
 
 CHUNK_BLOCKS = 16  #: which are integrated from the first step to the last together
-
-Array = np.ndarray
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +41,7 @@ class LongPlan(Plan):
 
     @functools.cached_property
     def one_path(self) -> tuple[Any, ...]:
-        """The movers of a single path of each step size, where threads share its state; otherwise none."""
+        """Movers of a single path of each step size, where threads share its state; otherwise none."""
         return tuple(one_path(self.case.model, self.scheme, h) for h in self.case.steps) if self.case.in_parts else ()
 
     @functools.cached_property
@@ -52,7 +51,7 @@ class LongPlan(Plan):
 
     @property
     def model(self) -> Any:
-        """The record of the model for kernels, of one large lattice that of a part."""
+        """Record of the model for kernels, of one large lattice that of a part."""
         return self.one_path[0].model if self.is_long else super().model
 
     @functools.cached_property
@@ -62,12 +61,12 @@ class LongPlan(Plan):
 
     @property
     def lanes(self) -> int:
-        """The states that stand together in an array."""
+        """States that stand together in an array."""
         return 1 if self.one_path else LANES
 
     @functools.cached_property
     def records(self) -> Array:
-        """The numbers of steps after which Casimirs are evaluated, which all step sizes reach."""
+        """Numbers of steps after which Casimirs are evaluated, which all step sizes reach."""
         count = self.case.counts[0]
         if count < STEPS_PER_TOSS:  # of one large lattice, whose steps need no whole tosses
             return np.array([count])
@@ -81,13 +80,13 @@ class LongPlan(Plan):
 
     @property
     def _conserved(self) -> int:
-        """The number of Casimir functions."""
+        """Number of Casimir functions."""
         return conserved(self.model) if self.is_long else len(casimirs(self.model, self.initial))
 
     # --- what further kinds of sums add ------------------------------------------------------------------------------
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of further axes of the sums of a path set."""
+        """Lengths of further axes of the sums of a path set."""
         return {}
 
     def every(self, number: int, stop: int) -> int:
@@ -95,7 +94,7 @@ class LongPlan(Plan):
         return 0
 
     def looked(self, chunk: Chunk, paths: Any, before: int, stored: Array) -> Any:
-        """The paths with what the states (blocks, 1 + stored, d * lanes) after step `before` show, which are some."""
+        """Paths with what the states (blocks, 1 + stored, d * lanes) after step `before` show, which are some."""
         raise NotImplementedError
 
     def look(self, number: int, n: int, state: Array) -> Sequence[Array]:
@@ -103,11 +102,11 @@ class LongPlan(Plan):
         return ()
 
     def with_looks(self, chunk: Chunk, paths: Any, before: int, looks: list[Array]) -> Any:
-        """The paths with what the looks after step `before` showed, which are some."""
+        """Paths with what the looks after step `before` showed, which are some."""
         raise NotImplementedError
 
     def at_stop(self, number: int, paths: Any, states: Array) -> Any:
-        """The paths with what their states (d, paths) at a stop show."""
+        """Paths with what their states (d, paths) at a stop show."""
         return paths
 
     def rounding_sizes(self, totals: Sequence[Any]) -> Array | None:
@@ -116,18 +115,18 @@ class LongPlan(Plan):
 
     # --- the plan ----------------------------------------------------------------------------------------------------
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = sum(self.case.counts)
         if self.one_path:
             seconds = 1e-9 * sum(n * mover.ns for n, mover in zip(self.case.counts, self.one_path, strict=True))
-            return Cost(steps, seconds, alone.bytes_of(self.case))
+            return PartCost(steps, seconds, alone.bytes_of(self.case))
         blocks = -(-self.case.samples // LANES)
         steps *= paths_moved(self.model, self.case.samples)
         idle = loop.thread_count() / min(loop.thread_count(), blocks)  # a block cannot be shared
         of_a_block = 8 * LANES * (len(self.initial) + len(self.records) * self._conserved)
         memory = of_a_block * blocks * len(self.case.steps)
-        return Cost(steps, idle * steps * 1e-9 * typical_ns(self.row, self.model), memory)
+        return PartCost(steps, idle * steps * 1e-9 * typical_ns(self.row, self.model), memory)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; the paths of one step size do not depend on the other ones."""
@@ -140,7 +139,7 @@ class LongPlan(Plan):
         return (PathSet(self.case.samples, CHUNK_BLOCKS),) * len(self.case.steps)
 
     def empty(self, number: int, blocks: int = 0, first: int = 0) -> Any:
-        """The sums over no paths, or `blocks` blocks from block `first` on before their first step."""
+        """Sums over no paths, or `blocks` blocks from block `first` on before their first step."""
         y = self._begun(number, blocks, first)
         own = {"block": blocks, "state": y.shape[1], "level": 1, "record": len(self.records)}
         sums = self.sums.empty(own | {"casimir": self._conserved} | self.lengths(number))
@@ -149,7 +148,7 @@ class LongPlan(Plan):
         return sums._replace(y=y, **begun)
 
     def _begun(self, number: int, blocks: int, first: int) -> Array:
-        """The states of `blocks` blocks before their first step."""
+        """States of `blocks` blocks before their first step."""
         if self.one_path:
             return self._start[np.newaxis].repeat(blocks, axis=0) if blocks else np.empty((0, len(self.initial)))
         times = loop.grid(self.case.steps[number], 1)
@@ -178,7 +177,7 @@ class LongPlan(Plan):
                         until = time.perf_counter() + loop.BATCH_SECONDS
 
     def next_stop(self, n: int, number: int = 0) -> int:
-        """The number of steps at which paths that have done n steps stop next."""
+        """Number of steps at which paths that have done n steps stop next."""
         stop = (n // self.spacing + 1) * self.spacing if n >= self.spacing else max(2 * n, STEPS_PER_TOSS)
         return int(min(stop, self.case.counts[number]))
 
@@ -207,7 +206,7 @@ class LongPlan(Plan):
         return stored, rows, report
 
     def _advanced(self, chunk: Chunk, paths: Any) -> Any:
-        """The paths of a chunk at the next stop."""
+        """Paths of a chunk at the next stop."""
         began = time.perf_counter()
         stop = self.next_stop(int(paths.n), chunk.path_set)
         with np.errstate(all="ignore"):
@@ -216,7 +215,7 @@ class LongPlan(Plan):
         return paths._replace(seconds=paths.seconds + time.perf_counter() - began)
 
     def _moved(self, chunk: Chunk, paths: Any, stop: int) -> tuple[Any, Array]:
-        """The paths of a chunk at a stop, and their states (d, paths)."""
+        """Paths of a chunk at a stop, and their states (d, paths)."""
         before, every = int(paths.n), self.every(chunk.path_set, stop)
         moved = paths.y, chunk.path_set, stop - before, before, chunk.end, every, chunk.first
         stored, rows, report = self.integrated(*moved)
@@ -235,7 +234,7 @@ class LongPlan(Plan):
         return self.with_looks(chunk, paths, before, looks) if looks else paths, y[:, np.newaxis]
 
     def _stopped(self, chunk: Chunk, paths: Any, states: Array) -> Any:
-        """The paths of a chunk that have stopped, with the sums over their states (d, paths)."""
+        """Paths of a chunk that have stopped, with the sums over their states (d, paths)."""
         number, stop = chunk.path_set, int(paths.n)
         if stop in self.records:
             errors = self._recorded(paths.casimir, stop, self.case.steps[number], states, chunk.first)
@@ -244,7 +243,7 @@ class LongPlan(Plan):
         return self.ended(chunk, paths, states) if stop == self.case.counts[number] else paths
 
     def ended(self, chunk: Chunk, paths: Any, states: Array) -> Any:
-        """The paths of a chunk after all steps."""
+        """Paths of a chunk after all steps."""
         return paths._replace(
             paths=chunk.paths,
             wanted=0,
@@ -254,7 +253,7 @@ class LongPlan(Plan):
         )
 
     def _recorded(self, errors: Array, n: int, h: float, states: Array, block: int) -> Array:
-        """The relative errors (records, C, paths) of the Casimirs with those after n steps of size h."""
+        """Relative errors (records, C, paths) of the Casimirs with those after n steps of size h."""
         if not errors.shape[1]:
             return errors
         if self.is_long:
@@ -281,7 +280,6 @@ class LongPlan(Plan):
         return Done(done / levels, self.case.samples, float("nan"))
 
     def results(self, state: State) -> Any:
-        """The results of one scheme of a case, from its final state."""
         totals = self.totals(state)
         errors = np.array([paths.casimir for paths in totals])
         return self.record(
@@ -298,7 +296,7 @@ class LongPlan(Plan):
         )
 
     def totals(self, state: State) -> list[Any]:
-        """The sums over all paths of each step size."""
+        """Sums over all paths of each step size."""
         return [state.total(i) for i in range(len(self.case.steps))]
 
     def found(self, state: State) -> dict[str, Any]:

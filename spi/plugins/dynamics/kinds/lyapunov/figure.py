@@ -1,4 +1,4 @@
-"""The figure of Lyapunov exponents: averages until t with their 95 % intervals, and pull-back pictures."""
+"""Figure of Lyapunov exponents: averages until t with their 95 % intervals, and pull-back pictures."""
 
 from typing import Any
 
@@ -10,7 +10,7 @@ from spi.plugins.dynamics.drawing import maps
 _FEW = 16  # cells with states that get a circle, since they could not be seen
 
 
-def _picture(ax: plots.Axes, reading: Any, i: Any, readings: Any) -> list[plots.Entry]:
+def _picture(ax: plots.Axes, reading: Any, i: Any, readings: Any) -> list[plots.LegendEntry]:
     """A picture of the states that noise has moved since -t."""
     pictures = reading.pictures
     density = pictures.density[i]

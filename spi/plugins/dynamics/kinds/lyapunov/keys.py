@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind lyapunov."""
+"""Keys of an experiment of kind lyapunov."""
 
 from typing import Annotated, ClassVar, Literal, Self
 
@@ -57,12 +57,12 @@ class Case(StepCase):
 
     @property
     def count(self) -> int:
-        """The number of exponents."""
+        """Number of exponents."""
         return self.exponents or leaf_dimension(self.model, self.initial)
 
     @property
     def points_law(self) -> RandomState | None:
-        """The law of the initial states of the pictures: ``initial``, or uniform on the surface; None if not known."""
+        """Law of the initial states of the pictures: ``initial``, or uniform on the surface; None if not known."""
         if isinstance(self.initial, RandomState):
             return self.initial
         surface = spheres(undamped(self.model), self.initial)
@@ -78,7 +78,7 @@ class Case(StepCase):
 
     @condition
     def _check_warm_up(self) -> Self:
-        """The case with its warm-up, within which vectors turn into the directions of the exponents."""
+        """Case with its warm-up, within which vectors turn into the directions of the exponents."""
         if self.warm_up is None:
             return self.model_copy(update={"warm_up": _WARM_UP * self.final_time})
         if self.warm_up >= self.final_time:
@@ -100,7 +100,7 @@ class Case(StepCase):
 
     @condition
     def _check_pullback(self) -> Self:
-        """The case with the times of its pictures in their order."""
+        """Case with the times of its pictures in their order."""
         if self.pullback is None and "pullback" not in self.panels:
             return self
         given = self.pullback or Pullback()

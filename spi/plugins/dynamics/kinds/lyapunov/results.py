@@ -1,4 +1,4 @@
-"""The records of Lyapunov exponents."""
+"""Records of Lyapunov exponents."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -42,7 +42,7 @@ class Pictures(DensityMap):
 
 
 def _dimension(reading: "Exponents", readings: Sequence["Exponents"]) -> str:
-    """The dimension as text, a lower bound where exponents do not suffice for it."""
+    """Dimension as text, a lower bound where exponents do not suffice for it."""
     half = reading.dimension_half
     if half is None and math.isfinite(reading.dimension):
         return f"{reading.dimension:g} or more"
@@ -112,7 +112,7 @@ class Exponents(Stored):
 
     @derived("", "Lyapunov dimension", claim=Claimed("equal", where="is_dimension_known", lost="dimension_lost"))
     def dimension(self) -> float:
-        """The Lyapunov dimension at the last time, see :func:`kaplan_yorke`."""
+        """Lyapunov dimension at the last time, see :func:`kaplan_yorke`."""
         return float(kaplan_yorke(self.exponent[:, -1]))
 
     @derived("", "whether the exponents suffice for the dimension")
@@ -122,7 +122,7 @@ class Exponents(Stored):
 
     @derived("", "why no claim about the dimension passes")
     def dimension_lost(self) -> str:
-        """The exponents that the dimension lacks."""
+        """Exponents that the dimension lacks."""
         return lost_among(self.exponent[:, -1], "exponents")
 
     def freedom(self, name: str) -> float:
@@ -184,7 +184,7 @@ class Exponents(Stored):
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Exponents"]) -> Iterator[str]:
-        """The unit of exponents."""
+        """Unit of exponents."""
         yield "exponents are per unit of time; the dimension is that of Kaplan and Yorke"
 
 

@@ -23,7 +23,7 @@ from typing import Any
 import numpy as np
 
 from spi.compiler.inlining import uncompiled
-from spi.ensemble.increments import Given, draw_noise, draw_paths, empty_noise
+from spi.ensemble.increments import NoiseArrays, draw_noise, draw_paths, empty_noise
 from spi.ensemble.loop import arguments_of, integrate, integrated, limited_threads, states_at
 from spi.ensemble.protocol import casimirs, conserved, dimension, structure
 from spi.ensemble.random_states import block_states
@@ -33,7 +33,7 @@ from spi.expressions.arithmetic import NumberError
 from spi.kinds import blocks
 from spi.kinds.blocks import BATCH_BYTES, BlocksPlan, stderr_of_means
 from spi.kinds.functions import path_function
-from spi.kinds.plans import Cost, KernelCall, PathsPlan, State
+from spi.kinds.plans import KernelCall, PartCost, PathsPlan, State
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES, STEPS_PER_TOSS, TANGENTS
@@ -80,7 +80,7 @@ class Counts(Sums):
 
 @dataclass(frozen=True)
 class Pulled:
-    """The pictures of a plan."""
+    """Pictures of a plan."""
 
     plan: PathsPlan
 
@@ -95,24 +95,24 @@ class Pulled:
 
     @property
     def path_set(self) -> PathSet:
-        """The states."""
+        """States."""
         return PathSet(self._keys.points, blocks.chunk_blocks(sum(self.steps), dimension(self.plan.model)))
 
     @cached_property
-    def _noise(self) -> Given:
+    def _noise(self) -> NoiseArrays:
         """The first steps of path number 0, as many as the longest picture takes."""
         p = self.plan
         given = empty_noise(p.scheme, p.model, max(self.steps), 1)
         draw_noise(p.scheme, p.model, p.stream, p.grid.reference_step, p.grid.area_terms, 0, 0, given)
         return given
 
-    def _until_now(self, steps: int) -> Given:
-        """The noise of `steps` steps, the last of which is number 0."""
+    def _until_now(self, steps: int) -> NoiseArrays:
+        """Noise of `steps` steps, the last of which is number 0."""
         whole = self._noise
         parts = len(whole.dW) // max(self.steps)
         dW = whole.dW.reshape(-1, parts, *whole.dW.shape[1:])[:steps][::-1].reshape(steps * parts, *whole.dW.shape[1:])
         areas, coins = (np.ascontiguousarray(rows[:steps][::-1]) for rows in (whole.areas, whole.coins))
-        return Given(np.ascontiguousarray(dW), areas, coins, 0)
+        return NoiseArrays(np.ascontiguousarray(dW), areas, coins, 0)
 
     def states(self, first: int, count: int, end: int) -> np.ndarray:
         """(blocks, T, d, LANES) the states of some blocks at the end of each picture."""
@@ -137,11 +137,11 @@ class Pulled:
 
     @property
     def lengths(self) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
+        """Lengths of the axes of the sums."""
         return {"time": len(self.steps), "one": 1, "count": 2 + math.prod(self.cells.number), "distance": 2}
 
     def observe(self, first: int, count: int, end: int) -> dict[str, Array]:
-        """The contributions of some blocks; the partner of lane l is l + 32, which is in the same jackknife group.
+        """Contributions of some blocks; the partner of lane l is l + 32, which is in the same jackknife group.
 
         `cells` are (blocks, T, 1, LANES) the number of the cell and a half, -1 outside, NaN if lost.
         """
@@ -155,13 +155,13 @@ class Pulled:
         return {"cells": places, "distances": np.stack([distance, log(np.maximum(distance, _LEAST * size))], axis=2)}
 
     def added(self, sums: Counts, contributions: dict[str, Array], at: slice, first: int, end: int) -> Counts:
-        """The sums with the contributions `at`, of which the first is that of block `first`."""
+        """Sums with the contributions `at`, of which the first is that of block `first`."""
         cells = sums.cells.copy()
         count_places(contributions["cells"][at], first, end, cells)
         return sums.with_blocks({"distances": contributions["distances"]}, at, first, end)._replace(cells=cells)
 
     def results(self, sums: Counts) -> Pictures:
-        """The pictures, from the sums over all states."""
+        """Pictures, from the sums over all states."""
         groups = group_counts(sums.paths)
         mean, without = mean_over_paths(sums.distances[0], groups)
         names = tuple(self.plan.case.variables[:2]) or ("y1", "y2")
@@ -206,7 +206,7 @@ def size_of(*states: np.ndarray) -> np.ndarray:
 
 
 def leaf_dimension(model: Any, y: Any) -> int:
-    """The dimension of the Casimir surface through y: the rank of B(y)."""
+    """Dimension of the Casimir surface through y: the rank of B(y)."""
     with uncompiled():
         matrix = structure_matrix(model, np.array(y))
     sizes = np.linalg.svd(matrix, compute_uv=False)
@@ -280,7 +280,7 @@ _LEAST_NS = 1e5  # of work of a thread in a call
 _FURTHER = 3  # columns behind those of the exponents: their sum, H, and how H changes
 
 
-class Role(IntEnum):
+class PathRole(IntEnum):
     """What the paths of a set are for, by its number."""
 
     EXPONENTS = 0
@@ -296,7 +296,7 @@ class LyapunovSums(Sums):
 
 
 def parts(case: Any) -> list[Part]:
-    """The parts of a case, one for each scheme, which are run one after the other."""
+    """Parts of a case, one for each scheme, which are run one after the other."""
     return [Part(scheme) for scheme in case.schemes]
 
 
@@ -309,15 +309,15 @@ class LyapunovPlan(BlocksPlan):
 
     @cached_property
     def pulled(self) -> Pulled | None:
-        """The pull-back pictures, if there are any."""
+        """Pull-back pictures, if there are any."""
         return Pulled(self) if self.case.pullback else None
 
     def _pictures_of(self, number: int | None) -> Pulled | None:
-        """The pictures, where the number is that of their path set."""
-        return self.pulled if number == Role.PICTURES else None
+        """Pictures, where the number is that of their path set."""
+        return self.pulled if number == PathRole.PICTURES else None
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
-        """The paths of the exponents, and the states of the pictures, in the order of :class:`Role`."""
+        """Paths of the exponents, and the states of the pictures, in the order of :class:`PathRole`."""
         return [*super().path_sets(extra), *([self.pulled.path_set] if self.pulled else [])]
 
     def deciding(self, number: int | None) -> dict[str, Any]:
@@ -328,12 +328,12 @@ class LyapunovPlan(BlocksPlan):
         return entries | {"pullback": self.case.pullback.model_dump(exclude={"points"})}
 
     def kernel_calls(self) -> list[KernelCall]:
-        """The calls of the exponents and of the pictures."""
+        """Calls of the exponents and of the pictures."""
         return [*super().kernel_calls(), *(self.pulled.kernel_calls() if self.pulled else [])]
 
     @cached_property
     def _leaf(self) -> int:
-        """The dimension of the Casimir surface."""
+        """Dimension of the Casimir surface."""
         return leaf_dimension(self.model, self.initial)
 
     def first_vectors(self, first: int, blocks: int, normals: np.ndarray) -> np.ndarray:
@@ -350,18 +350,18 @@ class LyapunovPlan(BlocksPlan):
 
     @cached_property
     def stops(self) -> np.ndarray:
-        """The numbers of steps after which vectors are made orthogonal."""
+        """Numbers of steps after which vectors are made orthogonal."""
         steps, every = self.grid.reference_steps, self.case.every
         return np.append(np.arange(every, steps, every), steps)
 
     @cached_property
     def begin(self) -> int:
-        """The number of the stop at which averages begin, 0 for the beginning."""
+        """Number of the stop at which averages begin, 0 for the beginning."""
         return int(np.searchsorted(self.stops * self.grid.reference_step, self.case.warm_up * (1 + 1e-12), "right"))
 
     @cached_property
     def stored(self) -> np.ndarray:
-        """The numbers of stops until which averages are stored, the last among them."""
+        """Numbers of stops until which averages are stored, the last among them."""
         count = len(self.stops)
         return np.unique(np.ceil(np.linspace(count, self.begin, _TIMES, endpoint=False)).astype(int))
 
@@ -375,34 +375,34 @@ class LyapunovPlan(BlocksPlan):
         n = self.stops[self.stored - 1] - np.append(0, self.stops)[self.begin]
         return (1.0 + np.sqrt(n)) / (NEAR * n * self.grid.reference_step)
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Steps of all paths and the near ones, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps * self.blocks * LANES * (1 + self.case.count)
         if self.pulled:
             steps += sum(self.pulled.steps) * self.case.pullback.points
-        return Cost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(BATCH_BYTES))
+        return PartCost(steps, steps * 1e-9 * typical_ns(self.row, self.model), int(BATCH_BYTES))
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums over paths, or over states of pictures."""
+        """Lengths of the axes of the sums over paths, or over states of pictures."""
         if pictures := self._pictures_of(number):
             return pictures.lengths
         return {"time": len(self.stored), "column": self.case.count + _FURTHER}
 
     def empty(self, number: int) -> Sums:
-        """The sums over no paths, or no states of pictures."""
-        return (Counts if number == Role.PICTURES else self.sums).empty(self.lengths(number))
+        """Sums over no paths, or no states of pictures."""
+        return (Counts if number == PathRole.PICTURES else self.sums).empty(self.lengths(number))
 
     def most_blocks(self, number: int) -> int:
-        """The largest number of blocks in a batch, because of memory."""
+        """Largest number of blocks in a batch, because of memory."""
         copies = 4 * (1 + self.case.count) * (len(self.initial) + self.lengths(number)["time"])
         return max(1, int(BATCH_BYTES / (8 * LANES * copies)))
 
     def stderr(self, sums: Sums) -> float:
-        """The standard error of the largest exponent."""
+        """Standard error of the largest exponent."""
         return stderr_of_means(sums)
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
-        """The exponents of some blocks of paths, or the pictures of some blocks of states."""
+        """Exponents of some blocks of paths, or the pictures of some blocks of states."""
         if pictures := self._pictures_of(number):
             return pictures.observe(first, blocks, end)
         m, d = self.case.count, len(self.initial)
@@ -448,12 +448,12 @@ class LyapunovPlan(BlocksPlan):
         }
 
     def _threads(self, blocks: int) -> int:
-        """The number of threads that are worth waiting for in each of many short calls."""
+        """Number of threads that are worth waiting for in each of many short calls."""
         work = blocks * LANES * self.case.every * typical_ns(self.row, self.model)
         return max(1, min(blocks, int(work / _LEAST_NS)))
 
     def _log_lengths(self, y: np.ndarray, normals: np.ndarray) -> np.ndarray | float:
-        """The logarithm of the length at y of a vector of Euclidean length 1."""
+        """Logarithm of the length at y of a vector of Euclidean length 1."""
         if self.case.damping:
             return 0.0
         return -log_density(self.model, y, normals) / self._leaf
@@ -472,7 +472,7 @@ class LyapunovPlan(BlocksPlan):
 
     @cached_property
     def _kernel_records(self) -> tuple[Any, Any]:
-        """The scheme and the model; looked up once, because there are many short calls."""
+        """Scheme and the model; looked up once, because there are many short calls."""
         return self.scheme, self.model
 
     def _moved(self, y: np.ndarray, stop: int, first: int, end: int) -> np.ndarray:
@@ -490,13 +490,13 @@ class LyapunovPlan(BlocksPlan):
         return moved.reshape(y.shape)
 
     def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
-        """The sums with the contributions `at`, see :class:`Blockwise`."""
+        """Sums with the contributions `at`, see :class:`Blockwise`."""
         if self.pulled and isinstance(sums, Counts):
             return self.pulled.added(sums, contributions, at, first, end)
         return super().added(sums, contributions, at, first, end)
 
     def _known_sum(self) -> float | None:
-        """The sum of the exponents of the equation; None where it is not known."""
+        """Sum of the exponents of the equation; None where it is not known."""
         case = self.case
         if case.count < self._leaf or case.damping:
             return None
@@ -506,11 +506,11 @@ class LyapunovPlan(BlocksPlan):
 
     def whole(self, state: State) -> dict[str, Any]:
         """Also the pictures."""
-        pictures = self.pulled.results(state.total(Role.PICTURES)) if self.pulled else None
+        pictures = self.pulled.results(state.total(PathRole.PICTURES)) if self.pulled else None
         return super().whole(state) | {"pictures": pictures}
 
     def estimates(self, sums: LyapunovSums) -> dict[str, Any]:
-        """The exponents and what follows from them."""
+        """Exponents and what follows from them."""
         groups, m = group_counts(self.samples), self.case.count
         mean, without = mean_over_paths(sums.values[0], groups)
         order = np.argsort(-mean[-1, :m], kind="stable")  # vectors need not have settled in their order

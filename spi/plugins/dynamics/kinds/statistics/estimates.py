@@ -11,6 +11,7 @@ from spi.ensemble.loop import thread_count
 from spi.ensemble.protocol import dimension, structure
 from spi.kinds.functions import PathFunction, origin_of
 from spi.numerics.rng import LANES
+from spi.numerics.types import Array
 from spi.plugins.dynamics.statistics.cells import share_stderr
 from spi.plugins.dynamics.statistics.quantiles import quantiles_of
 from spi.statistics.estimators import GROUPS, group_counts, jackknife_stderr, kurtosis_of_groups, mean_over_paths
@@ -18,7 +19,7 @@ from spi.statistics.intervals import student_factor, student_of_paths, zero_shar
 from spi.statistics.rounding import is_rounding, rounding, size_of_values, with_rounding
 from spi.storage.records import INTERVAL
 
-from .passages import Looks, corrected
+from .passages import LookTimes, corrected
 from .results import LEAST_GROUPS, Histogram, Passages, Quantiles
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -41,7 +42,7 @@ def in_threads() -> Iterator[Map]:
 
 
 class Columns(NamedTuple):
-    """The columns of a case."""
+    """Columns of a case."""
 
     functions: tuple[PathFunction, ...]  #: those of the case
     origins: np.ndarray  #: (F, 1) their values at t = 0, subtracted so that variances do not cancel
@@ -53,7 +54,7 @@ class Columns(NamedTuple):
 
     @classmethod
     def of(cls, case: Any) -> "Columns":
-        """The columns of a case."""
+        """Columns of a case."""
         functions, names = case.path_functions, list(case.functions)
         return cls(
             functions=functions,
@@ -67,14 +68,16 @@ class Columns(NamedTuple):
 
     @property
     def number(self) -> int:
-        """The number of columns."""
+        """Number of columns."""
         return len(self.functions) + len(self.since)
 
     def states(self, y: np.ndarray) -> np.ndarray:
         """States (d, blocks, stored, LANES) of blocks, from (blocks, stored, d * LANES)."""
         return np.moveaxis(y.reshape(len(y), self.stored, -1, LANES), 2, 0)
 
-    def evaluate(self, each: Map, looks: Sequence[Looks], y: np.ndarray, values: np.ndarray) -> dict[str, np.ndarray]:
+    def evaluate(
+        self, each: Map, looks: Sequence[LookTimes], y: np.ndarray, values: np.ndarray
+    ) -> dict[str, np.ndarray]:
         """Put the functions of the states y of blocks into values (blocks, T, columns, LANES).
 
         Paths are looked at for passages by `looks`, one for each.  Returns of passages by looks twice as far apart
@@ -99,7 +102,7 @@ class Columns(NamedTuple):
         return {"coarse": coarse, "first_times": first_times}
 
     def _passed(
-        self, looks: Looks, function: PathFunction, states: np.ndarray, coarse: np.ndarray, first_times: np.ndarray
+        self, looks: LookTimes, function: PathFunction, states: np.ndarray, coarse: np.ndarray, first_times: np.ndarray
     ) -> np.ndarray:
         """The probability to have passed, with looks twice as far apart in `coarse`, and the mean first times."""
         with np.errstate(all="ignore"):
@@ -131,7 +134,7 @@ class Columns(NamedTuple):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-class Constant(NamedTuple):
+class Unchanged(NamedTuple):
     """Which of F functions have at T times the value that they had at t = 0, on all paths and up to rounding."""
 
     exact: np.ndarray  #: (F, T) bool, not where nothing is random
@@ -141,7 +144,7 @@ class Constant(NamedTuple):
     steps: np.ndarray  #: (T,)
 
     @classmethod
-    def of(cls, case: Any, columns: Columns, estimated: "Moments", sure: np.ndarray) -> "Constant":
+    def of(cls, case: Any, columns: Columns, estimated: "PathMoments", sure: np.ndarray) -> "Unchanged":
         """From means over paths; not where the value is `sure` (F, T).
 
         A function that hardly changes where the state does tells nothing: it may be flat there, and not elsewhere.
@@ -243,20 +246,18 @@ def on_sphere(model: Any) -> bool:
     return all(np.abs(structure(model, tuple(point), tuple(point))).max() < 1e-12 for point in y)
 
 
-Array = np.ndarray
-
 _DRAWS = 4000  # for the factor of simultaneous bands
 _SAME = 1e-12  # relative: values that differ by less differ by rounding
 
 
-class Estimate(NamedTuple):
+class TimeEstimate(NamedTuple):
     """A number at each of T times, of one function or more."""
 
     value: Array
     stderr: Array
 
 
-class Moments(NamedTuple):
+class PathMoments(NamedTuple):
     """Means over paths of C columns, of their squares and of products of pairs, and the same without each group."""
 
     samples: int
@@ -269,7 +270,7 @@ class Moments(NamedTuple):
     product_without: Array
 
     @classmethod
-    def of(cls, values: Array, products: Array, samples: int) -> "Moments":
+    def of(cls, values: Array, products: Array, samples: int) -> "PathMoments":
         """The means from sums of values (2, T, C, GROUPS) and of products (1, T, pairs, GROUPS)."""
         groups = group_counts(samples)
         means = [np.swapaxes(mean, -1, -2) for sums in (*values, *products) for mean in mean_over_paths(sums, groups)]
@@ -290,12 +291,12 @@ class Moments(NamedTuple):
         """(C, T) the root mean squares of the columns: how far functions are from their values at t = 0."""
         return np.asarray(np.sqrt(self.square))
 
-    def _unbiased(self, value: Array, without: Array) -> Estimate:
+    def _unbiased(self, value: Array, without: Array) -> TimeEstimate:
         """The unbiased estimate from a second moment about the mean; NaN for one path."""
         factor = self.samples / (self.samples - 1) if self.samples > 1 else np.nan
-        return Estimate(factor * value, factor * self.stderr(value, without))
+        return TimeEstimate(factor * value, factor * self.stderr(value, without))
 
-    def variances(self, count: int) -> Estimate:
+    def variances(self, count: int) -> TimeEstimate:
         """(count, T) the variances of the first columns."""
         with np.errstate(invalid="ignore", over="ignore"):
             value = self.square - self.mean**2
@@ -316,14 +317,14 @@ class Moments(NamedTuple):
             value = self.product[pairs] - self.mean[left] * self.mean[right]
             return value, self.product_without[:, pairs] - self.mean_without[:, left] * self.mean_without[:, right]
 
-    def covariances(self, left: Array, right: Array, count: int) -> Estimate:
+    def covariances(self, left: Array, right: Array, count: int) -> TimeEstimate:
         """(count, count, T) of the first columns, the pairs (left, right) of which are the first products."""
         of_pairs = self._unbiased(*self._covariance(slice(len(left)), left, right))
         whole = np.empty((count, count), int)
         whole[left, right] = whole[right, left] = np.arange(len(left))
-        return Estimate(of_pairs.value[whole], of_pairs.stderr[whole])
+        return TimeEstimate(of_pairs.value[whole], of_pairs.stderr[whole])
 
-    def autocorrelations(self, left: Array, right: Array, since: Array) -> Estimate:
+    def autocorrelations(self, left: Array, right: Array, since: Array) -> TimeEstimate:
         """Cov(f(s), f(t)) / Var f(s) of the columns `left`, (pairs, T); the columns `right` are f(s) at all times.
 
         The pairs are the last products; NaN before the times number `since`.
@@ -333,7 +334,7 @@ class Moments(NamedTuple):
             value = value / (self.square[right] - self.mean[right] ** 2)
             without = without / (self.square_without[:, right] - self.mean_without[:, right] ** 2)
         before = np.arange(value.shape[1]) < since[:, np.newaxis]
-        return Estimate(*(np.where(before, np.nan, each) for each in (value, self.stderr(value, without))))
+        return TimeEstimate(*(np.where(before, np.nan, each) for each in (value, self.stderr(value, without))))
 
     def passages(
         self, functions: list[int], count: int, t: Array, first_times: Array, bridged: bool, random: bool, bins: int
@@ -367,7 +368,7 @@ class Moments(NamedTuple):
 
     @property
     def unseen(self) -> float:
-        """The standard error of a share of the paths that is 0 or 1, by the rule of three."""
+        """Standard error of a share of the paths that is 0 or 1, by the rule of three."""
         return float(zero_share_bound(self.samples) / student_of_paths(self.samples, LEAST_GROUPS))
 
 

@@ -1,4 +1,4 @@
-"""The figure of statistics: means with bands, quantiles, differences, variances, autocorrelations, densities, maps."""
+"""Figure of statistics: means with bands, quantiles, differences, variances, autocorrelations, densities, maps."""
 
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
@@ -70,7 +70,7 @@ def _since(plot: plots.Plot, readings: Sequence[Statistics], f: int) -> plots.Pl
 
 
 def _correlations(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[plots.Plot]:
-    """The matrix of correlations of the first scheme at the last time."""
+    """Matrix of correlations of the first scheme at the last time."""
     reading = readings[0]
     if reading.covariance is None or len(reading.functions) < 2:
         return
@@ -82,7 +82,7 @@ def _correlations(readings: Sequence[Statistics], looks: style.Looks) -> Iterato
     matrix = matrix / np.outer(scale, scale)
     names = [style.maths(reading.functions[f], reading.about.variables) for f in varies]
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         ax.imshow(matrix, vmin=-1, vmax=1, cmap="RdBu_r")
         for i, j in np.ndindex(matrix.shape):
             text = f"{matrix[i, j]:.2f}".replace("-", "\N{MINUS SIGN}")
@@ -97,8 +97,8 @@ def _correlations(readings: Sequence[Statistics], looks: style.Looks) -> Iterato
     )
 
 
-def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[Statistics]) -> list[plots.Entry]:
-    """The density at one of the times, or the Gibbs law, in the colours of all schemes at that time."""
+def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[Statistics]) -> list[plots.LegendEntry]:
+    """Density at one of the times, or the Gibbs law, in the colours of all schemes at that time."""
     density_map: Any = reading.density_map
     at = -1 if m is None else m
     values = density_map.law if m is None else density_map.density[m]
@@ -115,7 +115,7 @@ def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[
 
 
 def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[plots.Plot]:
-    """The structure factor of the first scheme in colours, with a mark for each linear wave, known at these q alone."""
+    """Structure factor of the first scheme in colours, with a mark for each linear wave, known at these q alone."""
     reading = readings[0]
     if reading.time is None or reading.time.structure is None:
         return
@@ -123,7 +123,7 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
     share = s.factor / s.mode[:, :1]
     top = omega[np.flatnonzero((share > 1e-2 * share.max()).any(axis=0))[-1]]  # above it there is next to nothing
 
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         values = np.maximum(share, 1e-3 * share.max())
         drawn = ax.pcolormesh(s.q, omega, values.T, shading="nearest", cmap="YlGnBu", norm="log", rasterized=True)
         ax.figure.colorbar(drawn, ax=ax, label=r"$S(q,\omega)\,/\,S(q)$")
@@ -152,7 +152,7 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
 
 
 def _spreading(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[plots.Plot]:
-    """The correlations of sites over their distance at a few times, of the first scheme."""
+    """Correlations of sites over their distance at a few times, of the first scheme."""
     reading = readings[0]
     if reading.time is None or reading.time.structure is None or reading.time.structure.between is None:
         return
@@ -188,7 +188,7 @@ def _over_time(field: str, label: str, **options: Any) -> panels.CurvePanel:
 
 
 def _formula(record: Any, f: int) -> Any:
-    """The reference as a function of t, where it is a formula."""
+    """Reference as a function of t, where it is a formula."""
     text = record.reference_formulas[f] if record.reference_formulas else ""
     return (lambda t: as_numpy(parse_expression(text, 1))(t[np.newaxis])) if text else None
 
@@ -236,14 +236,14 @@ PANELS: dict[str, Any] = {
             only=_drawn("autocorrelation"),
         )
     ],
-    "correlations": [panels.Own(_correlations)],
+    "correlations": [panels.OwnPanels(_correlations)],
     "time_correlation": [_over_lag("correlation", r"\mathrm{{Cov}}({f}(s),{f}(s+t))")],
     "integral": [_over_lag("integral", r"\int_0^t\mathrm{{Cov}}({f}(s),{f}(s+t'))\,\mathrm{{d}}t'")],
     "spectrum": [
         _over_lag("spectrum", r"\mathrm{{spectrum}}\ \mathrm{{of}}\ {f}", "omega", r"angular frequency $\omega$")
     ],
-    "structure": [panels.Own(_structure)],
-    "spreading": [panels.Own(_spreading)],
+    "structure": [panels.OwnPanels(_structure)],
+    "spreading": [panels.OwnPanels(_spreading)],
     "maps": [maps.MapPanel("density_map", _map, "law", "Gibbs law, exp($-H/T$)")],
 }
 

@@ -1,4 +1,4 @@
-"""The keys of an experiment of kind statistics."""
+"""Keys of an experiment of kind statistics."""
 
 import math
 from collections.abc import Callable
@@ -52,9 +52,9 @@ _Entry = Annotated[str | _Functional, BeforeValidator(_checked)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], _Entry], MinLen(1)]
 PathFunctions = Annotated[_ByName, BeforeValidator(by_name)]
 Quantities = Annotated[tuple[Literal[QUANTITIES], ...], MinLen(1)]
-Panels = tuple[Literal[PANELS], ...]
-Levels = Annotated[tuple[Annotated[float, Gt(0), Lt(1)], ...], MinLen(1)]
-Times = tuple[NonNegative, ...]
+StatisticsPanels = tuple[Literal[PANELS], ...]
+Probabilities = Annotated[tuple[Annotated[float, Gt(0), Lt(1)], ...], MinLen(1)]
+OutputTimes = tuple[NonNegative, ...]
 _Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
 _MOST_MAPS = 8
 _FUNCTIONAL = ", or a functional, as in {maximum: y1}"
@@ -77,24 +77,24 @@ def _read(value: Any, handler: Callable[[Any], Any], info: pydantic.ValidationIn
     return () if info.context is None else curve(info.context.text(given.file, "file"), given.file)
 
 
-Known = Annotated[Any, pydantic.WrapValidator(_read, json_schema_input_type=str | InFile)]
+ReferenceKey = Annotated[Any, pydantic.WrapValidator(_read, json_schema_input_type=str | InFile)]
 
 
 class Density(Keys):
     """Maps of a density."""
 
     of: key_of(_Names, f"{SPHERE}, where |y|^2 is a Casimir function, or the names of two functions") = (SPHERE,)
-    times: key_of(Times, "times of the maps, among those of the statistics; default: the last", "time") = ()
+    times: key_of(OutputTimes, "times of the maps, among those of the statistics; default: the last", "time") = ()
     cells: key_of(Annotated[int, Ge(4), Le(128)], "cells along a side; of a sphere bands, each with twice as many") = 24
 
     @property
     def number(self) -> tuple[int, int]:
-        """The numbers of rows and columns of cells."""
+        """Numbers of rows and columns of cells."""
         return self.cells, self.cells * (2 if self.of == (SPHERE,) else 1)
 
     @property
     def count(self) -> int:
-        """The number of cells."""
+        """Number of cells."""
         return self.number[0] * self.number[1]
 
 
@@ -169,8 +169,8 @@ class Case(CodeKeys, StepCase):
     ) = pydantic.Field(default_factory=dict)
     statistics: key_of(Quantities, f"what is found of them, some of {', '.join(QUANTITIES)}") = ("mean",)
     every: key_of(Annotated[int, Ge(1)], "statistics after every n-th step") = 1
-    times: key_of(Times, "instead of every: the times of the statistics, multiples of the step", "time") = ()
-    quantiles: key_of(Levels, "probabilities of the quantiles") = (0.05, 0.5, 0.95)
+    times: key_of(OutputTimes, "instead of every: the times of the statistics, multiples of the step", "time") = ()
+    quantiles: key_of(Probabilities, "probabilities of the quantiles") = (0.05, 0.5, 0.95)
     bins: key_of(Annotated[int, Ge(4), Le(512)], "bins of a histogram") = 64
     density: key_of(Maps | None, "maps of the density on the sphere or of two functions") = None
     autocorrelation: key_of(dict[str, NonNegative], "for functions by name the time from which it counts", "time") = (
@@ -181,11 +181,13 @@ class Case(CodeKeys, StepCase):
         "of stationary paths: covariances at two times, over all first times, their integrals and spectra",
     ) = None
     reference: key_of(
-        dict[str, Known],
+        dict[str, ReferenceKey],
         f"known means: for functions by name an expression in t, a file, {EXACT} (expectations of the equation without "
         f"sampling) or {STATIONARY} (under the uniform law on the sphere, or the Gibbs law at a temperature)",
     ) = pydantic.Field(default_factory=dict)
-    panels: key_of(Panels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known") = ()
+    panels: key_of(
+        StatisticsPanels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known"
+    ) = ()
 
     swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Statistics)
@@ -200,12 +202,12 @@ class Case(CodeKeys, StepCase):
 
     @property
     def path_functions(self) -> tuple[PathFunction, ...]:
-        """The functions, in the order of their names."""
+        """Functions, in the order of their names."""
         return tuple(function_of(self, entry) for entry in self.functions.values())
 
     @property
     def quantile_names(self) -> tuple[str, ...]:
-        """The names of single quantiles in claims."""
+        """Names of single quantiles in claims."""
         return tuple(f"{name}, {level:g}-quantile" for name in self.functions for level in self.quantiles)
 
     @property
@@ -216,19 +218,19 @@ class Case(CodeKeys, StepCase):
 
     @property
     def places(self) -> np.ndarray:
-        """The numbers, from 0 on, of those of the stored states that have statistics."""
+        """Numbers, from 0 on, of those of the stored states that have statistics."""
         if not self.times:
             return np.arange(round(self.final_time / self.step) // self.stride + 1)
         return np.array([round(t / self.step) // self.stride for t in self.times])
 
     @property
     def t(self) -> np.ndarray:
-        """The times of the statistics."""
+        """Times of the statistics."""
         return self.places * self.stride * self.step
 
     @condition
     def _check_times(self) -> Self:
-        """The case with its times in their order."""
+        """Case with its times in their order."""
         check_every(self)
         if self.times and self.every > 1:
             raise wrong("is given beside times", "leave one of them out", "every")
@@ -236,7 +238,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_functions(self) -> Self:
-        """The case with functions: the first components, unless it has some."""
+        """Case with functions: the first components, unless it has some."""
         names = self.variables or tuple(f"y{i + 1}" for i in range(dimension(self.model)))
         functions = with_others(self, self.functions) or {name: name for name in names[:4]}
         for name, entry in functions.items():
@@ -265,7 +267,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_reference(self) -> Self:
-        """The case with references in which names of others are written out."""
+        """Case with references in which names of others are written out."""
         references = with_others(self, self.reference, "reference")
         for name, reference in references.items():
             REFERENCES.check(self, name, reference)
@@ -292,7 +294,7 @@ class Case(CodeKeys, StepCase):
 
     @condition
     def _check_density(self) -> Self:
-        """The case with the times of its maps in their order."""
+        """Case with the times of its maps in their order."""
         if self.density is None:
             return self
         of, given = self.density.of, self.density.times or (float(self.t[-1]),)
@@ -316,7 +318,7 @@ class Case(CodeKeys, StepCase):
             raise wrong(f"is {shown(name)}, not the name of a function", f"known: {', '.join(self.functions)}", *keys)
 
     def place(self, t: float, *keys: str | int) -> int:
-        """The number of t among the times of the statistics; raises the error about `keys` if it is none."""
+        """Number of t among the times of the statistics; raises the error about `keys` if it is none."""
         nearest = int(np.abs(self.t - t).argmin())
         if abs(self.t[nearest] - t) > ROUNDING * max(t, self.step):
             right = f"the nearest is {quantity(float(self.t[nearest]))}"

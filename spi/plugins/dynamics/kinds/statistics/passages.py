@@ -12,9 +12,10 @@ from typing import NamedTuple
 import numpy as np
 
 from spi.numerics.rng import LANES
+from spi.numerics.types import Array
 
-Array = np.ndarray
-Step = Callable[[Array, int], Array]  #: states (n, d) after a very short step, with noise from a block of paths on
+#: States (n, d) after a very short step, with noise from a block of paths on.
+BridgeStep = Callable[[Array, int], Array]
 
 _NEAREST = 2**12  # states next to the threshold at which the noise is measured, and as many of the others
 _TOGETHER = 64, 512  # states of which a rate is the mean: the fewest and the most
@@ -31,7 +32,9 @@ class Distances(NamedTuple):
     slope: float  #: below the first value
 
     @classmethod
-    def measured(cls, condition: Callable[[Array], Array], states: Array, step: Step, h: float) -> "Distances | None":
+    def measured(
+        cls, condition: Callable[[Array], Array], states: Array, step: BridgeStep, h: float
+    ) -> "Distances | None":
         """By the mean squares of short steps of length h from states (d, ...), for states of like values together.
 
         None without states on both sides of the threshold, or next to it, or without noise.
@@ -63,12 +66,12 @@ class Distances(NamedTuple):
         return cls(value[::-1], distance[::-1], float(2.0 / (sigma[-1] + sigma[0])))
 
     def of(self, values: Array) -> Array:
-        """The distances of values, 0 for those that are not below 0."""
+        """Distances of values, 0 for those that are not below 0."""
         beyond = np.maximum(self.value[0] - values, 0.0) * self.slope
         return np.interp(values, self.value, self.distance) + beyond
 
 
-class Looks(NamedTuple):
+class LookTimes(NamedTuple):
     """How the paths of a case are looked at."""
 
     between: float  #: time between two looks
@@ -143,7 +146,7 @@ class Corrected(NamedTuple):
 
 
 def corrected(fine: Array, coarse: Array, fine_without: Array, coarse_without: Array, bridged: bool) -> Corrected:
-    """The value with half of what it changes by if the looks are twice as close, and as much as may be left.
+    """Value with half of what it changes by if the looks are twice as close, and as much as may be left.
 
     Where bridges are known that is between none and three halves of the difference of the two, whose power of the time
     between looks is 1 or more; where they are not, it may be 1/2.

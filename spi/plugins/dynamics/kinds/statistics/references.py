@@ -9,7 +9,7 @@ import numpy as np
 from spi.ensemble.protocol import dimension
 from spi.ensemble.random_states import RandomState
 from spi.exact.expectations import can_solve_equation, demands, exact_expectations, seconds_of_equation
-from spi.exact.linear import Moments
+from spi.exact.linear import MomentEquations
 from spi.expressions import canonical, parse_expression
 from spi.kinds.functions import PathFunction, function_of
 from spi.kinds.linear import linear_moments
@@ -58,8 +58,8 @@ def _not_stationary(case: Any, name: str) -> str | None:
     return reason_of(_stationary)(case, name)
 
 
-def _moments(case: Any, name: str) -> Moments | None:
-    """The moments of a linear equation that a function needs, if these are known."""
+def _moments(case: Any, name: str) -> MomentEquations | None:
+    """Moments of a linear equation that a function needs, if these are known."""
     entry = case.functions[name]
     if isinstance(case.initial, RandomState) or not isinstance(entry, str):
         return None
@@ -75,7 +75,7 @@ def seconds_of_means(case: Any) -> float:
 
 
 def reference_formulas(case: Any) -> tuple[str, ...]:
-    """The references that are formulas, in y1 = t and numbers, and "" for others; () without any."""
+    """References that are formulas, in y1 = t and numbers, and "" for others; () without any."""
     given = [case.reference.get(name) for name in case.functions]
     texts = [canonical(REFERENCES.formula(case, one)) if REFERENCES.is_formula(one) else "" for one in given]
     return tuple(texts) if any(texts) else ()

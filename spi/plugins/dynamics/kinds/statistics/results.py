@@ -1,4 +1,4 @@
-"""The record of statistics."""
+"""Record of statistics."""
 
 from collections.abc import Iterator, Sequence
 
@@ -263,7 +263,7 @@ class Statistics(Stored):
         return np.array([lost_among(values, "times") for values in self._deviations])
 
     def _heavy(self) -> Iterator[str]:
-        """The functions whose variance few paths carry, with the numbers of times at which they do."""
+        """Functions whose variance few paths carry, with the numbers of times at which they do."""
         if self.kurtosis is None:
             return
         heavy = few_carry(self.kurtosis, self.samples).sum(axis=1)
@@ -273,7 +273,7 @@ class Statistics(Stored):
     def remarks(self) -> Iterator[str]:
         """Values that are not finite, errors that are not known, heavy tails, and passages."""
         if (self.finite < 1.0).any():
-            paths = ", and quantiles are those of these paths" * bool(self.quantiles)
+            paths = ", and quantiles are those of these paths" if self.quantiles else ""
             yield f"    finite share: of the paths whose value is finite; there is no mean of all{paths}"
         for f in np.flatnonzero(self.is_constant):
             name, change = self.functions[f], float(np.nanmax(self.rounding[f])) if self.rounding is not None else 0.0
@@ -307,7 +307,7 @@ class Statistics(Stored):
 
     @classmethod
     def remarks_of_case(cls, readings: Sequence["Statistics"]) -> Iterator[str]:
-        """The functions, where these have names."""
+        """Functions, where these have names."""
         for name, text in zip(readings[0].functions, readings[0].texts, strict=True):
             if name != text:
                 yield f"{name}: {text}"

@@ -15,6 +15,7 @@ import numpy as np
 
 from spi.ensemble.protocol import geometry
 from spi.numerics.rng import LANES, PARTS
+from spi.numerics.types import Array
 from spi.plugins import Registry
 from spi.specs.keys import wrong
 from spi.statistics.estimators import group_counts, jackknife, jackknife_stderr, mean_over_paths
@@ -22,8 +23,6 @@ from spi.statistics.intervals import skewed_half_width
 from spi.statistics.rounding import is_rounding
 
 from .results import Structure, TimeCorrelations
-
-Array = np.ndarray
 
 #: What this plug-in asks others for: linear waves, a record of ``check(case)`` and ``frequencies(case, waves)``.
 FURTHER, WAVES = Registry("further"), "dynamics.waves"
@@ -37,7 +36,7 @@ WINDOWS: dict[str, Callable[[Array], Array]] = {
 
 
 def lags_of(case: Any) -> int:
-    """The number of times between two values, the first being 0."""
+    """Number of times between two values, the first being 0."""
     return round(case.time_correlations.until / (case.stride * case.step)) + 1
 
 
@@ -68,7 +67,7 @@ def _path(given: Any, place: Mapping[str, Any]) -> list[Array]:
 
 
 def lengths(case: Any) -> dict[str, int]:
-    """The lengths of the axes of the sums of a case."""
+    """Lengths of the axes of the sums of a case."""
     given = case.time_correlations
     if given is None:
         return {"stationary": 0, "wave": 0, "lag": 0, "complex": 2}
@@ -137,13 +136,13 @@ def _by_part(values: Array) -> Array:
 
 
 def waves_about(case: Any) -> dict[str, Array]:
-    """The frequencies of linear waves at the wave vectors of a case, and those of its steps."""
+    """Frequencies of linear waves at the wave vectors of a case, and those of its steps."""
     found = FURTHER[WAVES].frequencies(case, modes_of(case.time_correlations, geometry(case.model)))
     return dict(zip(("waves", "waves_of_step"), found, strict=True))
 
 
 def estimates(case: Any, sums: Any, sizes: Array, waves: Mapping[str, Any]) -> TimeCorrelations:
-    """The record of correlations in time, from sums by groups of paths.
+    """Record of correlations in time, from sums by groups of paths.
 
     Functions that are constant up to rounding, relative to their `sizes` (F, T), have none.
     """
@@ -199,7 +198,7 @@ def estimates(case: Any, sums: Any, sizes: Array, waves: Mapping[str, Any]) -> T
 def _structure(
     case: Any, sums: Array, each: Callable[..., tuple[Array, Array]], spectrum: Any, linear: Mapping[str, Any]
 ) -> Structure:
-    """The record of the modes of a lattice, from sums (groups, Q, lags, 2), by the functions of :func:`estimates`."""
+    """Record of the modes of a lattice, from sums (groups, Q, lags, 2), by the functions of :func:`estimates`."""
     given, place = case.time_correlations, geometry(case.model)
     path = _path(given, place)
     waves = np.concatenate(path)
@@ -238,7 +237,7 @@ def _structure(
 
 
 def _along(vectors: Array) -> Array:
-    """The place of each wave vector (Q, vectors) on the axis of figures: the length of the path up to it.
+    """Place of each wave vector (Q, vectors) on the axis of figures: the length of the path up to it.
 
     On a line that is passed once it is the wave vector itself, from -1/2 to 1/2 for example.
     """

@@ -15,7 +15,7 @@ from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
 from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
 from spi.kinds.functions import ns_to_evaluate
-from spi.kinds.plans import Cost, KernelCall, State, Task, each_scheme
+from spi.kinds.plans import KernelCall, PartCost, State, Task, each_scheme
 from spi.numerics.rng import LANES
 from spi.plugins.dynamics.ensemble.counting import add_moments, count_values, rank_values
 from spi.plugins.dynamics.kinds.maps import Cells, DensityMap
@@ -33,15 +33,15 @@ from .estimates import (
     SPHERE,
     Bins,
     Columns,
-    Constant,
     Map,
-    Moments,
+    PathMoments,
+    Unchanged,
     histogram,
     in_threads,
     quantiles,
     simultaneous,
 )
-from .passages import Distances, Looks, corrected
+from .passages import Distances, LookTimes, corrected
 from .references import REFERENCES, reference_formulas, seconds_of_means
 from .results import LEAST_GROUPS, PANELS, Statistics
 
@@ -101,7 +101,7 @@ class StatisticsPlan(BlocksPlan):
     record = Statistics
     sums = StatisticsSums
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """Also of the functions along paths, and of the reference means, which all schemes share."""
         cost = super().cost()
         passages, counted = bool(self.columns.passages) and self.is_bridged, self.case.counters or self.case.density
@@ -142,15 +142,15 @@ class StatisticsPlan(BlocksPlan):
 
     @cached_property
     def columns(self) -> Columns:
-        """The columns that are summed up."""
+        """Columns that are summed up."""
         return Columns.of(self.case)
 
     @cached_property
-    def looks(self) -> list[Looks]:
+    def looks(self) -> list[LookTimes]:
         """How paths are looked at for each passage: with the noise on its conditions, as the first paths show it."""
         each = [self.columns.functions[f].conditions for f in self.columns.passages]
         if not self.is_bridged:
-            return [Looks(self.columns.between, (None,) * len(conditions), self.is_noisy) for conditions in each]
+            return [LookTimes(self.columns.between, (None,) * len(conditions), self.is_noisy) for conditions in each]
         h = _SHORT * self.case.step
         step = partial(one_step, self.scheme, self.model, h)
         y, _ = self.observe(0, 0, _PILOT, _PILOT * LANES) if each else (np.zeros((0, 0)), None)
@@ -158,7 +158,7 @@ class StatisticsPlan(BlocksPlan):
         def measured(condition: Callable[[np.ndarray], np.ndarray]) -> Distances | None:
             return Distances.measured(condition, self.columns.states(y), step, h)
 
-        return [Looks(self.columns.between, tuple(map(measured, conditions)), True) for conditions in each]
+        return [LookTimes(self.columns.between, tuple(map(measured, conditions)), True) for conditions in each]
 
     @property
     def is_noisy(self) -> bool:
@@ -172,7 +172,7 @@ class StatisticsPlan(BlocksPlan):
 
     @cached_property
     def pairs(self) -> tuple[np.ndarray, np.ndarray]:
-        """The pairs of columns whose products are summed up: those of covariances, then those of autocorrelations."""
+        """Pairs of columns whose products are summed up: those of covariances, then those of autocorrelations."""
         left, right = np.triu_indices(len(self.case.functions) if "covariance" in self.case.statistics else 0)
         first = len(self.columns.functions)
         remembered = np.array([f for f, _ in self.columns.since], int)
@@ -205,12 +205,12 @@ class StatisticsPlan(BlocksPlan):
 
     @cached_property
     def map_times(self) -> list[int]:
-        """The times of the maps, by their numbers."""
+        """Times of the maps, by their numbers."""
         return [self.case.place(t) for t in self.case.density.times] if self.case.density else []
 
     @cached_property
     def cells(self) -> Cells | None:
-        """The cells of the maps, those of two functions around the values on the first paths; None without maps."""
+        """Cells of the maps, those of two functions around the values on the first paths; None without maps."""
         density = self.case.density
         if density is None or density.of == (SPHERE,):
             return density and Cells.of_sphere(len(self.map_times), density.number)
@@ -218,7 +218,6 @@ class StatisticsPlan(BlocksPlan):
         return Cells.around(self._centred[self.map_times][:, list(pair)], pair, density.number)
 
     def lengths(self, number: int) -> dict[str, int]:
-        """The lengths of the axes of the sums."""
         case, columns = self.case, self.columns
         return {
             "time": len(case.places),
@@ -240,7 +239,7 @@ class StatisticsPlan(BlocksPlan):
         }
 
     def most_blocks(self, number: int) -> int:
-        """The largest number of blocks in a batch, because of the memory of their states."""
+        """Largest number of blocks in a batch, because of the memory of their states."""
         columns = self.columns
         return max(1, int(_BATCH_BYTES / (8 * LANES * columns.stored * len(self.initial))))
 
@@ -249,12 +248,12 @@ class StatisticsPlan(BlocksPlan):
         return stderr_of_means(sums)
 
     def observe(self, number: int, first: int, blocks: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-        """The states of some blocks, (blocks, stored, d * LANES), and reports."""
+        """States of some blocks, (blocks, stored, d * LANES), and reports."""
         y, report = self.recorded(first, blocks, end, self.case.stride)
         return y, report[:, 0, :SUMMED]
 
     def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
-        """The sums with the states `at`, as many blocks at once as caches hold, if memory does."""
+        """Sums with the states `at`, as many blocks at once as caches hold, if memory does."""
         states, report = (each[at] for each in contributions)
         case, times, columns = self.case, len(self.case.places), self.columns
         copied = ("values", "products", "counts", "ranks", "lost", "cells")
@@ -320,14 +319,13 @@ class StatisticsPlan(BlocksPlan):
         return tasks
 
     def results(self, state: State) -> Statistics:
-        """The results of one scheme of a case, from its final state."""
         return Statistics(**(self.whole(state) | self.estimates(state.total(), state.answers)))
 
     def estimates(self, sums: StatisticsSums, answers: Mapping[str, Any] = MappingProxyType({})) -> dict[str, Any]:
-        """The fields of :class:`Statistics` that follow from the sums and the answers of the tasks."""
+        """Fields of :class:`Statistics` that follow from the sums and the answers of the tasks."""
         case, functions = self.case, self.columns.functions
         names, count = tuple(case.functions), len(case.functions)
-        estimated = Moments.of(sums.values, sums.products, self.samples)
+        estimated = PathMoments.of(sums.values, sums.products, self.samples)
         bins = self.bins._replace(low=self.bins.low + self.columns.origins.T) if sums.counts.size else None
         of_values = np.array([f not in self.columns.passages for f in range(count)])
         passages = self.columns.passages
@@ -335,7 +333,7 @@ class StatisticsPlan(BlocksPlan):
         if passages:
             estimated, left[passages] = self._with_passages(estimated, sums, passages)
         mean = estimated.mean[:count] + self.columns.origins
-        constant = Constant.of(case, self.columns, seen, self._not_random())
+        constant = Unchanged.of(case, self.columns, seen, self._not_random())
         varies = of_values[:, np.newaxis] & ~constant.exact & ~constant.alike
         stderr = self._stderr(estimated, of_values, constant)
         low, high = self._ends(mean, stderr, seen.mean, left, passages)
@@ -376,7 +374,7 @@ class StatisticsPlan(BlocksPlan):
         }
 
     def _counted(
-        self, sums: StatisticsSums, bins: Bins | None, of_values: np.ndarray, constant: Constant, mean: np.ndarray
+        self, sums: StatisticsSums, bins: Bins | None, of_values: np.ndarray, constant: Unchanged, mean: np.ndarray
     ) -> dict[str, Any]:
         """Quantiles and histograms from the counts in bins, those that the case names."""
         fields: dict[str, Any] = {}
@@ -388,8 +386,8 @@ class StatisticsPlan(BlocksPlan):
         return fields
 
     def _with_passages(
-        self, estimated: Moments, sums: StatisticsSums, passages: list[int]
-    ) -> tuple[Moments, np.ndarray]:
+        self, estimated: PathMoments, sums: StatisticsSums, passages: list[int]
+    ) -> tuple[PathMoments, np.ndarray]:
         """The means of passages with what looks twice as far apart show, and what may be left (passages, T)."""
         coarse, coarse_without = mean_over_paths(np.swapaxes(sums.coarse[0], 0, 1), estimated.groups)
         mean, without = estimated.mean.copy(), estimated.mean_without.copy()
@@ -398,7 +396,7 @@ class StatisticsPlan(BlocksPlan):
         mean[passages], without[:, passages] = np.clip(found.value, 0.0, 1.0), found.without
         return estimated._replace(mean=mean, mean_without=without), found.left
 
-    def _stderr(self, estimated: Moments, of_values: np.ndarray, constant: Constant) -> np.ndarray:
+    def _stderr(self, estimated: PathMoments, of_values: np.ndarray, constant: Unchanged) -> np.ndarray:
         """(F, T) of the means.
 
         Where all paths are alike though they need not be, the error of a share follows from the rule of three; that of
@@ -435,7 +433,7 @@ class StatisticsPlan(BlocksPlan):
                 low[f], high[f] = (np.where(stderr[f] == 0, mean[f], end) for end in (down, up))  # at t = 0 it is exact
         return low, high
 
-    def _second_moments(self, estimated: Moments, constant: Constant) -> dict[str, Any]:
+    def _second_moments(self, estimated: PathMoments, constant: Unchanged) -> dict[str, Any]:
         """Variances (F, T), covariances (F, F, T) and autocorrelations (F, T), those that the case names.
 
         Standard errors are NaN where values are alike on all paths, and autocorrelations from where they are constant.
@@ -465,7 +463,7 @@ class StatisticsPlan(BlocksPlan):
         return fields
 
     def _differences(
-        self, mean: np.ndarray, stderr: np.ndarray, constant: Constant, known: Mapping[str, Any] | None
+        self, mean: np.ndarray, stderr: np.ndarray, constant: Unchanged, known: Mapping[str, Any] | None
     ) -> dict[str, Any]:
         """Reference means, the distances of the means (F, T) from them, and the standard errors of these."""
         if not self.case.reference:
@@ -480,7 +478,7 @@ class StatisticsPlan(BlocksPlan):
         }
 
     def _map(self, counts: np.ndarray, names: tuple[str, ...]) -> DensityMap | None:
-        """The maps; None if the case has none."""
+        """Maps; None if the case has none."""
         if self.cells is None:
             return None
         pair = list(self.cells.pair)

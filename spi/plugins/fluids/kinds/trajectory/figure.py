@@ -9,7 +9,7 @@ import matplotlib
 import numpy as np
 
 from spi.drawing import Figure, panels, plots, style
-from spi.kinds.trajectory.figure import Readings, times_shown, window
+from spi.kinds.trajectory.figure import TrajectoryReadings, times_shown, window
 from spi.kinds.trajectory.film import Filmed, Screen, states_shown
 from spi.kinds.trajectory.results import Trajectory
 from spi.plugins.fluids.models.fields import energy_spectrum, enstrophy, size_of, vorticity
@@ -31,7 +31,7 @@ _SEEN = 0.01  # by which a field must exceed the range of the colours so that th
 
 
 class Colours(NamedTuple):
-    """The colours of some fields."""
+    """Colours of some fields."""
 
     low: float
     high: float
@@ -39,11 +39,11 @@ class Colours(NamedTuple):
 
     @property
     def look(self) -> dict[str, Any]:
-        """The options of matplotlib's ``imshow``; fields of one sign have sequential colours."""
+        """Options of matplotlib's ``imshow``; fields of one sign have sequential colours."""
         return {"cmap": SIGNED if self.low < 0 < self.high else ONE_SIGN, "vmin": self.low, "vmax": self.high}
 
 
-def need_lattice(readings: Readings, panel: str) -> None:
+def need_lattice(readings: TrajectoryReadings, panel: str) -> None:
     """Raise ValueError if the states are no vorticity."""
     if readings[0].place.get("on") != "torus":
         raise ValueError(f"the panel '{panel}' needs a vorticity on the torus, as of sine_euler and zeitlin")
@@ -56,8 +56,8 @@ def field_values(reading: Trajectory, states: Sequence[int]) -> np.ndarray:
         return vorticity(reading.y[list(states)], max(128, 1 << (4 * n - 1).bit_length()))
 
 
-def colours_of(readings: Readings, ends: Sequence[tuple[float, float]]) -> Colours:
-    """The colours for fields with these least and largest values.
+def colours_of(readings: TrajectoryReadings, ends: Sequence[tuple[float, float]]) -> Colours:
+    """Colours for fields with these least and largest values.
 
     They suit the schemes that preserve something, if there are any, and the others may go beyond them.
     """
@@ -77,8 +77,8 @@ def _ends(values: np.ndarray) -> tuple[float, float]:
     return float(finite.min(initial=0.0)), float(finite.max(initial=0.0))
 
 
-def vorticities(readings: Readings, looks: style.Looks) -> Iterator[list[plots.Plot]]:
-    """The fields at the chosen times, a row of panels for each scheme."""
+def vorticities(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[list[plots.Plot]]:
+    """Fields at the chosen times, a row of panels for each scheme."""
     need_lattice(readings, "vorticity")
     shown = [field_values(one, one.shown) for one in readings]
     colours = colours_of(readings, [_ends(values) for values in shown])
@@ -92,7 +92,7 @@ def vorticities(readings: Readings, looks: style.Looks) -> Iterator[list[plots.P
 
 
 def _field(field: np.ndarray, colours: Colours, last: bool) -> plots.Draw:
-    def own(ax: plots.Axes) -> list[plots.Entry]:
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         image = draw_field(ax, field, colours)
         if last:
             place = ax.inset_axes((1.04, 0, 0.05, 1))
@@ -118,8 +118,8 @@ def draw_field(ax: plots.Axes, field: np.ndarray, colours: Colours) -> Any:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def spectra(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The energy of the shells at the chosen times, a panel for each scheme."""
+def spectra(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """Energy of the shells at the chosen times, a panel for each scheme."""
     need_lattice(readings, "spectrum")
     limits = spectrum_limits(readings)
     for k, one in enumerate(readings):
@@ -160,8 +160,8 @@ def spectra_of(reading: Trajectory) -> np.ndarray:
         return energy_spectrum(reading.y[reading.shown])
 
 
-def spectrum_limits(readings: Readings) -> tuple[float, float]:
-    """The limits of energies in spectra, which suit the schemes that preserve something, if there are any.
+def spectrum_limits(readings: TrajectoryReadings) -> tuple[float, float]:
+    """Limits of energies in spectra, which suit the schemes that preserve something, if there are any.
 
     They end where rounding errors begin, and not far below the energies at the last time.
     """
@@ -176,7 +176,7 @@ def spectrum_limits(readings: Readings) -> tuple[float, float]:
 
 
 def _positive(energies: np.ndarray) -> np.ndarray:
-    """The energies that a logarithmic axis can show."""
+    """Energies that a logarithmic axis can show."""
     return energies[np.isfinite(energies) & (energies > 0)]
 
 
@@ -192,8 +192,8 @@ def enstrophy_change(reading: Trajectory) -> np.ndarray:
     return values / values[0] - 1 if values[0] else values
 
 
-def enstrophies(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The change of the enstrophy of each path."""
+def enstrophies(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """Change of the enstrophy of each path."""
     need_lattice(readings, "enstrophy")
     curves = [(one, enstrophy_change(one)) for one in readings]
     curves = [(one, values) for one, values in curves if np.isfinite(values).any()]
@@ -220,8 +220,8 @@ def enstrophies(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _screens(fig: Figure, readings: Readings, axes: np.ndarray) -> list[Screen]:
-    """The fields of one case at the start, in colours that suit all of its frames."""
+def _screens(fig: Figure, readings: TrajectoryReadings, axes: np.ndarray) -> list[Screen]:
+    """Fields of one case at the start, in colours that suit all of its frames."""
     states = states_shown(readings)
     colours = colours_of(readings, [_extremes(one, chosen) for one, chosen in zip(readings, states, strict=True)])
     images = [draw_field(ax, field_values(one, [0])[0], colours) for ax, one in zip(axes, readings, strict=False)]
@@ -236,9 +236,11 @@ def _refill(image: Any, one: Trajectory, state: int) -> None:
 
 
 def _extremes(reading: Trajectory, states: Sequence[int]) -> tuple[float, float]:
-    """The least and the largest vorticity in some states, one after the other to spare memory."""
+    """Least and the largest vorticity in some states, one after the other to spare memory."""
     return _ends(np.array([_ends(field_values(reading, [state])) for state in states]))
 
 
 FILM = Filmed(_screens, names=("$x_1$", "$x_2$"))
-VORTICITY, SPECTRUM, ENSTROPHY = [panels.Own(vorticities)], [panels.Own(spectra)], [panels.Own(enstrophies)]
+VORTICITY = [panels.OwnPanels(vorticities)]
+SPECTRUM = [panels.OwnPanels(spectra)]
+ENSTROPHY = [panels.OwnPanels(enstrophies)]

@@ -1,4 +1,4 @@
-"""The words of ``panels`` for vorticity."""
+"""Words of ``panels`` for vorticity."""
 
 from typing import Any
 

@@ -1,1 +1,1 @@
-"""The estimator of weak errors that does not sample."""
+"""Estimator of weak errors that does not sample."""

@@ -11,7 +11,7 @@ from spi.ensemble.loop import thread_count
 from spi.ensemble.protocol import has_friction
 from spi.ensemble.random_states import RandomState
 from spi.exact.expectations import can_solve
-from spi.kinds.plans import Cost, Done, State, Task
+from spi.kinds.plans import Done, PartCost, State, Task
 from spi.kinds.weak.plans import WeakPlan
 from spi.kinds.weak.results import Unsampled, WeakErrors
 from spi.kinds.weak.solved import check_demands, demands_of, demands_of_schemes, solution
@@ -73,11 +73,11 @@ class KolmogorovPlan(WeakPlan):
         """One solution serves all levels of extrapolation."""
         return super().deciding(number) | {"part": self.part._replace(extrapolate=0)}
 
-    def cost(self) -> Cost:
+    def cost(self) -> PartCost:
         """No steps of paths; seconds (times threads, as it uses all of them) and bytes are rough."""
         need = demands_of(self.case, self.row.composition, self.case.steps)
         first = self.part.extrapolate == min(self.case.extrapolate)  # whose solution serves the others
-        return Cost(0, need.seconds * thread_count() * first, int(need.bytes))
+        return PartCost(0, need.seconds * thread_count() * first, int(need.bytes))
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """None."""
@@ -106,7 +106,7 @@ class KolmogorovPlan(WeakPlan):
         return Done(len(state.answers), 1, float("nan"))
 
     def results(self, state: State) -> WeakErrors:
-        """The weak errors and expectations."""
+        """Weak errors and expectations."""
         combine, solved = self.extrapolation, state.answers[_SOLUTION]
         error, bound = combine.combined(solved["error"]), combine.combined_bounds(solved["error_bound"])
         h, resolved = self.h, np.abs(error) >= _CLEAR * bound
@@ -131,7 +131,7 @@ class KolmogorovPlan(WeakPlan):
 
 
 def _order(h: np.ndarray, error: np.ndarray, bound: np.ndarray) -> Order:
-    """The slope between the two finest steps; half its interval is 1.5 times the difference from the slope before.
+    """Slope between the two finest steps; half its interval is 1.5 times the difference from the slope before.
 
     Where the error is C h^p + D h^q, slopes tend to p by at least a factor of 2 each time h is halved.
     """

@@ -18,11 +18,10 @@ from spi.ensemble import loop
 from spi.ensemble.protocol import in_kernels
 from spi.ensemble.random_states import RandomState
 from spi.models.delegation import undamped
+from spi.numerics.types import Array
 from spi.plugins.spins.models import Spins
 from spi.plugins.spins.models.observables import field_at
 from spi.specs.keys import quantity, wrong
-
-Array = np.ndarray
 
 _MOST = 256  # spins of which linear waves are computed
 _SMALL = 1e-4  # the angle by which a spin is turned for derivatives
@@ -159,7 +158,7 @@ def _repeating(model: Spins, s: Array) -> tuple[Array, int]:
 
 
 class Waves(NamedTuple):
-    """The linear waves of a lattice, as the kind statistics asks for them."""
+    """Linear waves of a lattice, as the kind statistics asks for them."""
 
     check: Callable[[Any], None]
     frequencies: Callable[[Any, Array], tuple[Array, Array]]

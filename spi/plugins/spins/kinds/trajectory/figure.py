@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from spi.drawing import Figure, panels, plots, style
-from spi.kinds.trajectory.figure import Readings
+from spi.kinds.trajectory.figure import TrajectoryReadings
 from spi.kinds.trajectory.film import Filmed, Screen, states_shown
 from spi.kinds.trajectory.results import Trajectory
 
@@ -40,8 +40,8 @@ def _layer(one: Trajectory, state: int) -> np.ndarray:
     return one.y[state].reshape(*size, len(lattice["sites"]), 3)[:, :, 0].reshape(-1, 3)
 
 
-def _spins(readings: Readings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The spins of each scheme at the chosen times, of a lattice in space its first layer; of a chain all times."""
+def _spins(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """Spins of each scheme at the chosen times, of a lattice in space its first layer; of a chain all times."""
     for one in (one for one in readings if one.place.get("on") == "lattice"):
         places = _places(one)
         if places is None:
@@ -61,7 +61,7 @@ def _draw_spins(ax: plots.Axes, places: np.ndarray, s: np.ndarray) -> Any:
     return ax.scatter(places[:, 0], places[:, 1], c=colours_of_spins(s), s=(180 / span) ** 2, **look)
 
 
-def _picture(places: np.ndarray, s: np.ndarray, ax: plots.Axes) -> list[plots.Entry]:
+def _picture(places: np.ndarray, s: np.ndarray, ax: plots.Axes) -> list[plots.LegendEntry]:
     """Spins in colours, with arrows where they are few, and the key of the colours."""
     _draw_spins(ax, places, s)
     span = float(np.ptp(places, axis=0).max()) or 1.0
@@ -77,7 +77,7 @@ def _picture(places: np.ndarray, s: np.ndarray, ax: plots.Axes) -> list[plots.En
     return []
 
 
-def _chain(one: Trajectory, ax: plots.Axes) -> list[plots.Entry]:
+def _chain(one: Trajectory, ax: plots.Axes) -> list[plots.LegendEntry]:
     """s_z of the sites of a chain at all times."""
     chosen = plots.spread(len(one.t), 512)
     z = one.y[chosen].reshape(len(chosen), -1, 3)[..., 2]
@@ -87,8 +87,8 @@ def _chain(one: Trajectory, ax: plots.Axes) -> list[plots.Entry]:
     return []
 
 
-def _screens(fig: Figure, readings: Readings, axes: np.ndarray) -> list[Screen]:
-    """The spins of one case at the start."""
+def _screens(fig: Figure, readings: TrajectoryReadings, axes: np.ndarray) -> list[Screen]:
+    """Spins of one case at the start."""
     places: Any = _places(readings[0])
     points = [_draw_spins(ax, places, _layer(one, 0)) for ax, one in zip(axes, readings, strict=False)]
     shows = [partial(_recolour, image, one) for image, one in zip(points, readings, strict=True)]
@@ -100,4 +100,4 @@ def _recolour(image: Any, one: Trajectory, state: int) -> None:
 
 
 FILM = Filmed(_screens, lambda one: _places(one) is not None)
-SPINS = [panels.Own(_spins)]
+SPINS = [panels.OwnPanels(_spins)]

@@ -1,4 +1,4 @@
-"""The word of ``panels`` for spins."""
+"""Word of ``panels`` for spins."""
 
 from typing import Any
 

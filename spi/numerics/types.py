@@ -1,0 +1,5 @@
+"""Type of arrays in annotations."""
+
+import numpy as np
+
+Array = np.ndarray
