@@ -7,11 +7,9 @@ import pytest
 import yaml
 from damage import call
 from figure_checks import alike_without_colours, collisions
-from stability_results import stability, stability_group
 from strong_results import LABELS, H, strong, strong_group
 from trajectory_results import trajectories, trajectory_group
 from weak_results import at_eps, weak, weak_group
-from work_results import work_results
 
 from spi import storage, views
 from spi.drawing import page, style
@@ -43,22 +41,23 @@ def weak_errors():
     return weak(*(weak_group("splitting", e, functions=1, prefixes=e == "plain") for e in estimators))
 
 
-def long_runs(kind):
-    of = pytest.importorskip("long_results")  # of the plug-in dynamics
+def of_plugin(module, kind, *schemes):
+    """Results of a kind of a plug-in, from the module of its tests that makes them."""
+    of = pytest.importorskip(module)
     group = getattr(of, f"{kind}_group")
-    return getattr(of, kind)(group("splitting"), group("midpoint"))
+    return getattr(of, kind)(*map(group, schemes))
 
 
 RESULTS = {
     "strong": lambda: errors(1),
     "strong, four cases": lambda: errors(4),
-    "stability": lambda: stability(stability_group("splitting"), stability_group("euler_maruyama")),
+    "stability": lambda: of_plugin("stability_results", "stability", "splitting", "euler_maruyama"),
     "trajectory": paths,
     "weak": weak_errors,
     "weak, several eps": lambda: weak(*(at_eps("ap_splitting", eps) for eps in (1.0, 0.1, 0.01))),
-    "work_precision": work_results,
-    "growth": lambda: long_runs("growth"),
-    "equilibrium": lambda: long_runs("equilibrium"),
+    "work_precision": lambda: pytest.importorskip("work_results").work_results(),
+    "growth": lambda: of_plugin("long_results", "growth", "splitting", "midpoint"),
+    "equilibrium": lambda: of_plugin("long_results", "equilibrium", "splitting", "midpoint"),
 }
 
 

@@ -54,7 +54,7 @@ def test_every_kind_has_all_of_its_modules(name, spread):
 
 
 def test_a_further_kind_is_one_file_and_a_line(spread, tmp_path):
-    """Its numbers are those of ``statistics``; its table, rows, claims, figure and report follow."""
+    """Its table, rows, claims and figure follow."""
     source = Path(spread_kind.__file__).read_text(encoding="utf-8")
     assert source.count("\n") <= 61
     assert source in Path(__file__).parents[2].joinpath("CONTRIBUTING.md").read_text(encoding="utf-8")
@@ -70,6 +70,12 @@ def test_a_further_kind_is_one_file_and_a_line(spread, tmp_path):
     assert "splitting: 70 paths until t = 1 with h = 0.125\n" in text.getvalue()
     for picture in views.save(views.figure(results), tmp_path, "spread"):
         assert picture.stat().st_size > 1000
+
+
+def test_a_further_kind_has_the_numbers_of_statistics_and_a_report(spread, tmp_path):
+    file = runs.run(runs.load(spread), tmp_path)
+    results = storage.read(file)
+    (reading,) = views.readings(results)
     other = tmp_path / "other.yaml"
     other.write_text(SPEC.replace("KIND", "statistics") + "statistics: [mean, variance]\n", encoding="utf-8")
     (known,) = views.readings(storage.read(runs.run(runs.load(other), tmp_path)))
