@@ -19,6 +19,14 @@ def names():
 
 
 @functools.cache
+def can_be_read(spec):
+    """Whether the text of a spec names nothing that a plug-in has which is not here."""
+    index = json.loads(_INDEX.read_text(encoding="utf-8")).values()
+    words = {name for of_registry in index for name, owner in of_registry.items() if owner in names()}
+    return not re.search(rf"\b({'|'.join(sorted(words)) or '(?!)'})\b", spec)
+
+
+@functools.cache
 def _words():
     either = "|".join(sorted(names())) or "(?!)"  # nothing
     said = rf"No module named 'spi\.plugins\.({either})\b|install the plug-in ({either})\b"

@@ -21,6 +21,7 @@ HOOKS = runpy.run_path(str(ROOT / "docs" / "generate" / "site.py"))
 with_links, with_signs, mathml = HOOKS["with_links"], HOOKS["with_signs"], HOOKS["_mathml"]
 
 
+@pytest.mark.needs
 @pytest.mark.parametrize("page", PAGES, ids=page_name)
 def test_targets_and_files_exist(page):
     text = page.read_text(encoding="utf-8")
