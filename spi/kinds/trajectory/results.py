@@ -63,6 +63,7 @@ class Trajectory(Stored):
             [
                 Column(lambda one, _: power_of_two(one.step), "step"),
                 Column(lambda one, _: round(one.t[-1] / one.step), "steps"),
+                Column("value", "{} at\nthe end", over="function", form=".6g", missing="nan"),
                 Column("hamiltonian", "H at the\nend", form=".6g", missing="nan"),
                 Column("casimir_drift", "drift\n{}", over="casimir"),
                 Column(lambda one, _: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
