@@ -96,7 +96,8 @@ def dataset_of(group: records.Group, reading: Stored) -> xr.Dataset:
         coordinates |= {word: ((), value) for word, value in about.swept.places.items()}
     variables = {
         name: (axes, array, group.notes.get(name) or notes_of(reading, name))
-        for name, (axes, array) in (group.variables | reading.exported()).items()
+        for name, (axes, array) in reading.exported().items()
+        if name not in group.attributes
     }
     return xr.Dataset(variables, coordinates, netcdf_attributes(group.attributes))
 

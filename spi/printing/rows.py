@@ -74,11 +74,17 @@ def tables_of(records: Sequence[Stored]) -> dict[str, DataTable]:
     for record in records:
         for axes, columns in _by_axes(record, records).items():
             is_main = axes == record.row_axes
-            first = next((name for name, (over, _) in columns.items() if over == axes), "facts")
             if is_main or any(values.size for _, values in columns.values()):
-                table = found.setdefault(axes, DataTable(first, axes))
+                table = found.setdefault(axes, DataTable(_name(record, axes), axes))
                 table.parts.append((record, columns, _facts(record) if is_main else {}))
     return {table.name: table for table in found.values()}
+
+
+def _name(record: Stored, axes: tuple[str, ...]) -> str:
+    """First array over the axes, in the main table also one that is spread over columns."""
+    spread = record.row_columns if axes == record.row_axes else ()
+    overs = {name: tuple(axis for axis in over if axis not in spread) for name, (over, _) in record.exported().items()}
+    return next((name for name, over in overs.items() if over == axes), "facts")
 
 
 def _by_axes(record: Stored, records: Sequence[Stored]) -> dict[tuple[str, ...], Variables]:

@@ -137,7 +137,8 @@ class _Part(NamedTuple):
 
 def _part(path: Path, anchored: str, latex_folder: Path | None, data_folder: Path | None) -> _Part:
     results = storage.read(path)
-    one, written = section(path, results, anchored), {}
+    one = section(path, results, anchored)
+    written: dict[Path, bytes] = {}
     if latex_folder:
         written |= {latex_folder / name: text for name, text in views.exports(results, one.name, "latex").items()}
         written[latex_folder / f"{one.name}.tex"] = latex.document(one.name, one.title, one.tables).encode()

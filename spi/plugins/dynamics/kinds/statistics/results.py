@@ -280,8 +280,8 @@ class Statistics(Stored):
     @property
     def shown_wave_vectors(self) -> Iterator[tuple[int]]:
         """(wave vector,) of the lines of a table: of few wave vectors along the path."""
-        if (structure := self.time and self.time.structure) is not None:
-            count = len(structure.q)
+        if self.time is not None and self.time.structure is not None:
+            count = len(self.time.structure.q)
             few = np.unique(np.linspace(0, count - 1, min(count, _MOST_WAVE_VECTORS)).round().astype(int))
             yield from ((i,) for i in few.tolist())
 
