@@ -25,7 +25,8 @@ PAGE = """# What a results file holds
 
 A results file is HDF5: a group `/<case>/<scheme>`, or `/<case>/<scheme>/<estimator>`, for each scheme of each case,
 with arrays that have dimension scales, so that xarray and MATLAB open it. Each array has its `long_name`,
-and its `formula` and `units` if it has any. The columns of [tables of numbers](../results.md#tables-of-numbers) have the same names.
+and its `formula` and `units` if it has any. The columns of
+[tables of numbers](../results.md#tables-of-numbers) have the same names.
 
 Kinds: {kinds}.
 

@@ -107,6 +107,8 @@ def notes_of(reading: Stored, name: str) -> dict[str, str]:
     if name in reading.by_name:
         return reading.by_name[name].meaning.notes
     base, _, end = name.rpartition("_")
+    if base not in reading.by_name:
+        return {}
     meaning = reading.by_name[base].meaning
     text = f"{'lower' if end == 'low' else 'upper'} end of the 95 % interval of {base}"
     return meaning._replace(text=text, formula="").notes

@@ -25,18 +25,19 @@ class DataTable:
 
     name: str
     axes: tuple[str, ...]
-    parts: list[tuple[Stored, Variables, dict[str, Any]]] = field(default_factory=list)  #: records, columns and facts
+    #: Records, the values along their axes, columns and facts.
+    parts: list[tuple[Stored, Mapping[str, Any], Variables, dict[str, Any]]] = field(default_factory=list)
     further: Callable[[dict[str, Any]], dict[str, Any]] = lambda row: {}  #: columns that follow from a row
 
     @property
     def numbers(self) -> list[str]:
         """Names of the columns with numbers of the records."""
-        return list(dict.fromkeys(name for _, columns, _ in self.parts for name in columns))
+        return list(dict.fromkeys(name for _, _, columns, _ in self.parts for name in columns))
 
     @cached_property
     def rows(self) -> list[dict[str, Any]]:
         """One for each case, scheme and place along the axes; what a record lacks is left out."""
-        made = (row for record, columns, facts in self.parts for row in _rows(record, self.axes, columns, facts))
+        made = (row for part in self.parts for row in _rows(self.axes, *part))
         return [row | self.further(row) for row in made]
 
     @property
@@ -72,22 +73,24 @@ def tables_of(records: Sequence[Stored]) -> dict[str, DataTable]:
     """Tables of records of one kind by name, the main one first; of others only those that have rows."""
     found: dict[tuple[str, ...], DataTable] = {}
     for record in records:
-        for axes, columns in _by_axes(record, records).items():
+        exported = record.exported()
+        along = {name: exported.pop(name)[1] for name, (over, _) in [*exported.items()] if over == (name,)}
+        for axes, columns in _by_axes(record, exported, records).items():
             is_main = axes == record.row_axes
             if is_main or any(values.size for _, values in columns.values()):
-                table = found.setdefault(axes, DataTable(_name(record, axes), axes))
-                table.parts.append((record, columns, _facts(record) if is_main else {}))
+                table = found.setdefault(axes, DataTable(_name(record, exported, axes), axes))
+                table.parts.append((record, record.axes | along, columns, _facts(record) if is_main else {}))
     return {table.name: table for table in found.values()}
 
 
-def _name(record: Stored, axes: tuple[str, ...]) -> str:
+def _name(record: Stored, exported: Variables, axes: tuple[str, ...]) -> str:
     """First array over the axes, in the main table also one that is spread over columns."""
     spread = record.row_columns if axes == record.row_axes else ()
-    overs = {name: tuple(axis for axis in over if axis not in spread) for name, (over, _) in record.exported().items()}
+    overs = {name: tuple(axis for axis in over if axis not in spread) for name, (over, _) in exported.items()}
     return next((name for name, over in overs.items() if over == axes), "facts")
 
 
-def _by_axes(record: Stored, records: Sequence[Stored]) -> dict[tuple[str, ...], Variables]:
+def _by_axes(record: Stored, exported: Variables, records: Sequence[Stored]) -> dict[tuple[str, ...], Variables]:
     """Columns by the axes of their tables, those of the main one first; there the numbers over all its axes go first.
 
     In the main table those along an axis of ``row_columns`` are a column for each place, and of those along an axis of
@@ -95,7 +98,7 @@ def _by_axes(record: Stored, records: Sequence[Stored]) -> dict[tuple[str, ...],
     """
     main: Variables = {}
     found: dict[tuple[str, ...], Variables] = {record.row_axes: main}
-    for name, (over, values) in record.exported().items():
+    for name, (over, values) in exported.items():
         further = [axis for axis in over if axis not in record.row_axes]
         at = over.index(further[0]) if further else 0
         rest = over[:at] + over[at + 1 :] if further else over
@@ -139,13 +142,13 @@ def _facts(record: Stored) -> dict[str, Any]:
 
 
 def _rows(
-    record: Stored, axes: tuple[str, ...], columns: Variables, facts: Mapping[str, Any]
+    axes: tuple[str, ...], record: Stored, along: Mapping[str, Any], columns: Variables, facts: Mapping[str, Any]
 ) -> Iterator[dict[str, Any]]:
     """A row for each place along the axes; an axis without values has numbers from 0."""
-    sizes = {axis: len(values) for axis, values in record.axes.items()}
+    sizes = {axis: len(values) for axis, values in along.items()}
     for over, values in columns.values():
         sizes |= {axis: size for axis, size in zip(over, values.shape, strict=True) if axis in axes}
-    places = {axis: ((axis,), np.asarray(record.axes.get(axis, range(sizes[axis])))) for axis in axes}
+    places = {axis: ((axis,), np.asarray(along[axis] if axis in along else range(sizes[axis]))) for axis in axes}
     shape = tuple(sizes[axis] for axis in axes)
     lists = {name: _along(over, values, axes, shape) for name, (over, values) in (places | columns).items()}
     head, tail = ({name: it for name, it in some.items() if it is not None} for some in (_head(record), facts))

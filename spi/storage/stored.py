@@ -546,7 +546,8 @@ class Stored(Described):
     def exported(self) -> Variables:
         """All that is in a table of exports: arrays and properties with a column, each with its 95 % interval.
 
-        That of ``x`` goes from ``x_low`` to ``x_high``, which follow where the record has no fields of these names.
+        That of ``x`` goes from ``x_low`` to ``x_high``, which follow where the record has no fields of these names.  A
+        record that adds to them adds the values along an axis as an array over itself.
         """
         there = ((entry, entry.of(self)) for entry in self.entries if entry.is_exported)
         own: Variables = {entry.name: (entry.axes, np.asarray(value)) for entry, value in there if value is not None}

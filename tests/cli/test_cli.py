@@ -141,7 +141,9 @@ def test_from_spec_to_figure(spi):
     assert json.loads(spi("show", RESULTS, "--format", "json", "--table", "casimir_drift")[1]) == records
     assert "error (95 %)" in spi("show", RESULTS, "--table", "error")[1]
     assert r"\toprule" in spi("show", RESULTS, "--format", "latex")[1]
-    assert "there is no table errors; tables: error; did you mean error?" in spi("show", RESULTS, "--table", "errors")[2]
+    assert (
+        "there is no table errors; tables: error; did you mean error?" in spi("show", RESULTS, "--table", "errors")[2]
+    )
     code, out, err = spi("show", RESULTS, "--out", "numbers")
     assert (code, out, err) == (0, "", f"wrote {Path('numbers', RESULTS.stem)}.csv\n")
     assert Path("numbers", f"{RESULTS.stem}.csv").read_text() == spi("show", RESULTS, "--format", "csv")[1]

@@ -9,7 +9,9 @@ import numpy as np
 from spi.kinds.blocks import Acceptance
 from spi.printing.tables import Column, Table
 from spi.printing.text import power_of_two
+from spi.specs.panels import numbers_of
 from spi.statistics.claims import lost_among
+from spi.storage.records import Variables
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 _AT_A_TIME = 2**20  # numbers of states that are looked at together, so that large lattices need no further copy
@@ -119,6 +121,10 @@ class Trajectory(Stored):
             return self.damped_changes
         with np.errstate(invalid="ignore", over="ignore"):
             return self.casimirs - self.casimirs[0]
+
+    def exported(self) -> Variables:
+        """Also what panels of plug-ins show."""
+        return super().exported() | numbers_of("trajectory", self)
 
     @property
     def place(self) -> dict[str, Any]:
