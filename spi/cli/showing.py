@@ -306,6 +306,26 @@ def _experiments(folder: Path, problems: list[str]) -> Iterable[ListedPart]:
             yield ListedPart(group, f"{group}: {GROUPS[group]}", ["name", "figure", "title"], members)
 
 
+def members(group: str) -> list[Path]:
+    """Experiments of a group, as `spi list` has them; those in the folder experiments as paths.
+
+    SpecError if there is no such group, or none in it.
+    """
+    from ..specs import SpecError
+    from ..specs.keys import suggestion
+
+    if group not in GROUPS:
+        raise SpecError(f"--group: '{group}' is not a group of experiments; {suggestion(group, GROUPS)}")
+    problems: list[str] = []
+    parts = _experiments(Path("experiments"), problems)
+    found = [Path(row[0]) for part in parts if part.word == group for row in part.rows]
+    if group == "yours" and problems:
+        raise SpecError(*problems)
+    if not found:
+        raise SpecError("--group: there is no folder experiments with a file here; write one with `spi new`")
+    return found
+
+
 def print_results(folder: Path, one_line: bool = False) -> None:
     """Print the list of results in a folder, each in a few lines or in one."""
     from ..printing import print_safely, result_lines

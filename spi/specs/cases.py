@@ -193,6 +193,7 @@ class BaseCase(Keys):
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
     most_swept: ClassVar[int] = 2  #: the number of parameters that may be swept at once
+    example: ClassVar[str] = ""  #: keys of a short experiment with the rigid body, for `spi new --kind`
     listed_under: ClassVar[str] = "dynamics"  #: the group of experiments in ``spi list``
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has

@@ -31,6 +31,7 @@ WORDS = {
     "answers": ["load_answer", r"kinds?\.answer", '"answer"', "spi answer"],
     "clusters": ["dask", "spi merge", "--shard", "run_shard", "verification"],
     "solve": ["kolmogorov", "harmonics_up_to", r"cylinder\b", r"exact\.(sphere|cylinder)\b"],
+    "study": ["spi study", "study_of"],
     "report": [r"page\.html", "jinja", "latex2mathml"],
 }
 

@@ -89,6 +89,16 @@ Tell = Callable[[str], None]  #: told of a file that cannot be shown, in one lin
 ReportPicture = Callable[[int, int, str], None]
 
 
+class Head(NamedTuple):
+    """What stands at the top of a page."""
+
+    title: str = ""  #: empty: how many experiments it has
+    lines: tuple[str, ...] = ()
+
+
+PLAIN = Head()
+
+
 def files(
     paths: Sequence[Path],
     out: Path,
@@ -97,6 +107,7 @@ def files(
     report: ReportPicture = lambda number, total, name: None,
     tell: Tell = lambda problem: None,
     short: bool = False,
+    head: Head = PLAIN,
 ) -> dict[Path, bytes]:
     """Files of a report on the results files `paths`: path -> content, to be written by ``storage.write_all``.
 
@@ -122,7 +133,7 @@ def files(
         raise storage.StorageError("\n".join(problems))
     for line in problems:
         tell(line)
-    whole = page([one.section for one in parts], list(_pictures(parts, report, tell)), problems, short)
+    whole = page([one.section for one in parts], list(_pictures(parts, report, tell)), problems, short, head)
     return {out: whole.encode()} | {file: content for one in parts for file, content in one.files.items()}
 
 
@@ -166,7 +177,11 @@ def anchor(number: int) -> str:
 
 
 def page(
-    sections: Sequence[ReportSection], pictures: Sequence[Markup], problems: Sequence[str] = (), short: bool = False
+    sections: Sequence[ReportSection],
+    pictures: Sequence[Markup],
+    problems: Sequence[str] = (),
+    short: bool = False,
+    head: Head = PLAIN,
 ) -> str:
     """Page: HTML that refers to no other file; `problems` are lines on files that cannot be shown."""
     environment = Environment(
@@ -189,4 +204,5 @@ def page(
         most_rows=_MOST_ROWS,
         problems=problems,
         short=short,
+        head=head,
     )

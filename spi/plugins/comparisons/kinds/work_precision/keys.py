@@ -24,6 +24,15 @@ class Case(SampledCase):
     ) = None
     repeats: key_of(Repeats, "how often each step size is timed; the median counts") = 15
 
+    example: ClassVar[str] = """\
+final_time: 1
+steps: 2^-2 .. 2^-8
+reference_step: 2^-11
+truncate_noise: true
+schemes: [splitting, euler_maruyama, midpoint]
+samples: 200
+targets: [0.1, 0.05]
+"""
     driven: ClassVar[bool] = False
     prefixes: ClassVar[None] = None
     panels: ClassVar[tuple] = ()

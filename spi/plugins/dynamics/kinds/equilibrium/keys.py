@@ -71,6 +71,15 @@ class Case(CodeKeys, LongCase):
         f"what the figure shows, some of {', '.join(PANELS)}; default: means, histogram and autocorrelation",
     ) = ()
 
+    example: ClassVar[str] = """\
+temperature: 1/4
+steps: 2^0 .. 2^-3
+final_time: 2^10
+schemes: [splitting_symmetric, splitting_metropolis]
+samples: 500
+functions: {energy: H, square: y3^2}
+reference: exact
+"""
     swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Equilibrium)
     scoping: ClassVar = ("functions", "derived")

@@ -189,6 +189,15 @@ class Case(CodeKeys, StepCase):
         StatisticsPanels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known"
     ) = ()
 
+    example: ClassVar[str] = """\
+final_time: 4
+step: 2^-6
+every: 4
+schemes: [splitting]
+samples: 20000
+functions: {y1: y1, energy: H, turned: {passage: "y1 < 0"}}
+statistics: [mean, variance, quantiles, histogram]
+"""
     swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Statistics)
     scoping: ClassVar = ("functions", "quantile_names")
