@@ -40,13 +40,19 @@ def show(
         ),
     ] = None,
     results: ResultsFolder = RESULTS,
-    format: Annotated[Literal["table", "json", "csv"], typer.Option(help="Output format.")] = "table",
+    format: Annotated[Literal["table", "json", "csv", "latex"], typer.Option(help="Output format.")] = "table",
+    table: Annotated[
+        str | None, typer.Option(help="A table of numbers by its name, or by that of a column (default: the main one).")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write all tables into this folder, <out>/<name>.<table>.csv, .json or .tex.")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Also print tables in which a line says enough.")] = False,
     *,
     options: RunOptions,
 ) -> None:
     """Print stored results to standard output; without a name, list what results there are."""
     from .. import storage, views
-    from ..printing import as_csv, as_json
 
     if source is None:
         print_results(results)
@@ -54,11 +60,35 @@ def show(
     (file,) = stored([source], results, options)
     stored_results = storage.read(file)
     with _about(file):
-        if format == "table":
-            views.print_tables(stored_results)
+        if out is not None:
+            files = views.exports(stored_results, file.stem, "csv" if format == "table" else format)
+            storage.write_all({out / name: content for name, content in files.items()})
+            for name in files:
+                tell(f"wrote {out / name}")
+            return
+        names = [*views.data_tables(stored_results)]
+        if format == "table" and table is None:
+            views.print_tables(stored_results, everything=everything)
         else:
-            rows = views.rows(stored_results)
-            typer.echo((as_json(rows, takes_all_characters()) if format == "json" else as_csv(rows)).rstrip("\n"))
+            _print_numbers(stored_results, file.stem, format, table)
+    if table is None and len(names) > 1:
+        tell(f"tables of numbers: {', '.join(names)}; --table NAME prints one, --out FOLDER writes all")
+
+
+def _print_numbers(results: "StoredResults", name: str, format: str, table: str | None) -> None:
+    """Print a table in a format; as LaTeX without its name what is printed."""
+    from .. import views
+    from ..printing import as_csv, as_json
+
+    if format == "latex":
+        text = views.as_latex(results, name, views.data_table(results, table) if table else None)
+    elif format == "table":
+        views.print_data(views.data_table(results, table or ""))
+        return
+    else:
+        rows = views.data_table(results, table or "").rows
+        text = as_json(rows, takes_all_characters()) if format == "json" else as_csv(rows)
+    typer.echo(text.rstrip("\n"))
 
 
 @run_options("trust_code")

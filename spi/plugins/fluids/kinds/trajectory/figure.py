@@ -12,7 +12,8 @@ from spi.drawing import Figure, panels, plots, style
 from spi.kinds.trajectory.figure import TrajectoryReadings, times_shown, window
 from spi.kinds.trajectory.film import Filmed, Screen, states_shown
 from spi.kinds.trajectory.results import Trajectory
-from spi.plugins.fluids.models.fields import energy_spectrum, enstrophy, size_of, vorticity
+from spi.plugins.fluids.kinds.trajectory.numbers import spectra_of
+from spi.plugins.fluids.models.fields import enstrophy, size_of, vorticity
 
 SIGNED, ONE_SIGN = "RdBu_r", "viridis"  #: colours of vorticity: blue negative, white 0, red positive; of one sign
 TIMES = "viridis"  #: colours of spectra, from early to late
@@ -152,12 +153,6 @@ def _slope(energies: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
         return np.zeros(0)
     height = 1.5 * (energies[chosen] * k[chosen] ** -_INERTIAL).max()
     return np.asarray(height * k[k > math.sqrt(len(k))] ** _INERTIAL)
-
-
-def spectra_of(reading: Trajectory) -> np.ndarray:
-    """(times, shells) the energy of each shell at the chosen times."""
-    with np.errstate(all="ignore"):
-        return energy_spectrum(reading.y[reading.shown])
 
 
 def spectrum_limits(readings: TrajectoryReadings) -> tuple[float, float]:
