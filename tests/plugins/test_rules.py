@@ -160,6 +160,12 @@ def test_without_a_plugin_the_others_answer_and_its_names_are_explained(tmp_path
         option = option.partition("=")[0]
         assert answer.returncode == 2
         assert answer.stderr == f"spi: No such option: {option}; install the plug-in {plugin}, which has it\n"
+    offered = json.loads((FOLDER / plugins.INDEX).read_text(encoding="utf-8"))["offered"]
+    for name, plugin in offered.items():
+        program = [sys.executable, "-c", f"import spi; spi.{name}"]
+        answer = subprocess.run(program, cwd=tmp_path, env=environment, capture_output=True, text=True)
+        message = f"module 'spi' has no attribute '{name}'; install the plug-in {plugin}, which has it"
+        assert answer.stderr.splitlines()[-1] == f"AttributeError: {message}"
 
 
 @pytest.mark.slow
