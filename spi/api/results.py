@@ -12,7 +12,7 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from .. import storage, views
+from .. import views
 from ..drawing import as_bytes, style
 from ..running import finding
 from ..statistics import claims
@@ -304,5 +304,5 @@ def load(
     check_type("results", path, (str, Path), "must be a results file, or the name of an experiment that was run")
     with in_python():
         wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})))
-        file = finding.results_file(Path(path), Path(results), wanted)
-        return Results(storage.read(file), file)
+        found = finding.found(Path(path), Path(results), wanted)
+        return Results(found.read(), found.path)

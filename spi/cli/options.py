@@ -46,6 +46,7 @@ def _files(incomplete: str, endings: Sequence[str]) -> list[str]:
 
 
 if TYPE_CHECKING:
+    from ..running.finding import Found
     from ..running.run import Limits, Watch
     from ..specs import Experiment
 
@@ -215,16 +216,23 @@ def load(specs: list[Path], options: RunOptions) -> list["Experiment"]:
     return experiments
 
 
-def stored(sources: Sequence[Path] | None, folder: Path, options: RunOptions) -> list[Path]:
-    """Files of results that a person means: files, spec files, or names of experiments; without any, all.
+def found(sources: Sequence[Path] | None, folder: Path, options: RunOptions) -> list["Found"]:
+    """Results that a person means: files, spec files, or names of experiments; without any, all.
 
     Those of names lie in `folder`, and the options of their runs choose among them.  Raises StorageError if there are
     none, or if those of a spec file are of another.
     """
-    from ..running.finding import Wanted, every, results_file
+    from ..running import finding
 
-    wanted = Wanted(options.profile or "laptop", tuple(options.assignments))
-    return [results_file(source, folder, wanted) for source in sources] if sources else every(folder, wanted)
+    wanted = finding.Wanted(options.profile or "laptop", tuple(options.assignments))
+    if sources:
+        return [finding.found(source, folder, wanted) for source in sources]
+    return [finding.Found(path) for path in finding.every(folder, wanted)]
+
+
+def stored(sources: Sequence[Path] | None, folder: Path, options: RunOptions) -> list[Path]:
+    """Files of the results that :func:`found` finds."""
+    return [one.path for one in found(sources, folder, options)]
 
 
 def end(code: int, message: str) -> NoReturn:

@@ -17,15 +17,16 @@ from .options import (
     Several,
     complete_results,
     end,
+    found,
     of_plugins,
     run_options,
-    stored,
 )
 from .terminal import STOP, takes_all_characters, tell
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from ..running.finding import Found
     from ..storage.records import StoredResults
 
 
@@ -45,14 +46,14 @@ def show(
     options: RunOptions,
 ) -> None:
     """Print stored results to standard output; without a name, list what results there are."""
-    from .. import storage, views
+    from .. import views
     from ..printing import as_csv, as_json
 
     if source is None:
         print_results(results)
         return
-    (file,) = stored([source], results, options)
-    stored_results = storage.read(file)
+    (one,) = found([source], results, options)
+    file, stored_results = one.path, one.read()
     with _about(file):
         if format == "table":
             views.print_tables(stored_results)
@@ -83,7 +84,7 @@ def plot(
     options: RunOptions,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
-    from .. import storage, views
+    from .. import views
     from ..drawing import page
     from ..drawing.style import caption
 
@@ -93,8 +94,8 @@ def plot(
     except ValueError as error:
         end(INVALID, f"--{error}")
 
-    def draw(path: Path) -> None:
-        stored_results = storage.read(path)
+    def draw(one: "Found") -> None:
+        path, stored_results = one.path, one.read()
         with _about(path):
             figure = views.figure(stored_results, **look)
         folder = out or path.parent
@@ -105,25 +106,25 @@ def plot(
         if film:
             _write_film(path, stored_results, folder)
 
-    _each(draw, stored(sources, results, options))
+    _each(draw, found(sources, results, options))
 
 
-def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
-    """Act on every file; one of several that cannot be shown has a line, and ends the command when all are done."""
+def _each(act: Callable[["Found"], None], each: Sequence["Found"]) -> None:
+    """Act on all results; of several those that cannot be shown have a line, and end the command when all are done."""
     from .. import views
 
-    if len(paths) == 1:
-        act(paths[0])
+    if len(each) == 1:
+        act(each[0])
         return
     codes = []
-    for path in paths:
+    for one in each:
         try:
-            act(path)
+            act(one)
         except typer.Exit as ended:
             codes.append(ended.exit_code)
         except Exception as error:
             STOP.check()  # which may have become any other error
-            tell(f"spi: {views.problem(path, error)}")
+            tell(f"spi: {views.problem(one.path, error)}")
             codes.append(INVALID)
     if codes:
         raise typer.Exit(max(codes))

@@ -181,7 +181,7 @@ class Experiment(NamedTuple):
     cases: tuple[BaseCase, ...]
     text: str  #: the file as it stands
     hash: str  #: SHA-256 of `effective` as canonical JSON
-    effective: dict  #: all that decides the results, so without titles, figure and claims; can be written as JSON
+    effective: dict  #: all that decides the results, so without looks and claims; can be written as JSON
     overrides: tuple[str, ...] = ()  #: such as "samples=100"
     expect: str | None = (
         None  #: the claims of all cases, as ``spi.statistics.claims.of_text`` reads them; None if there are none
@@ -282,8 +282,9 @@ def _printable(stem: str) -> str:
 
 
 def _deciding(cases: Sequence[BaseCase]) -> dict[str, Any]:
-    """Keys of each case that decide its results, by its name: neither titles nor claims, nor what is empty."""
-    omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
+    """Keys of each case that decide its results, by its name: neither looks nor claims, nor what is empty."""
+    empty = [set() if case.compositions else {"compositions"} for case in cases]
+    omitted = [{"name", "expect"} | case.looks | more for case, more in zip(cases, empty, strict=True)]
     return {case.name: case.model_dump(exclude=keys) for case, keys in zip(cases, omitted, strict=True)}
 
 

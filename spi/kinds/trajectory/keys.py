@@ -70,6 +70,7 @@ class Case(CodeKeys, StepCase):
 
     scoping: ClassVar = ("functions",)
     neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"times", "functions", "section", "python"}
+    looks: ClassVar[frozenset[str]] = StepCase.looks | {"times"}
     unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "save": (), "times": (), "functions": {}, "section": None}
     quantities: ClassVar = claimable(Trajectory)
 
