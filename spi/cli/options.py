@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
 import typer
 
 from ..plugins import PluginError, imported, offers
+from ..specs.figures import FIGURE_KEYS
 from .terminal import STOP, tell
 
 RESULTS = Path("results")  #: the folder of results unless --out names another
@@ -174,6 +175,26 @@ def template_options(command: Callable[..., None]) -> Callable[..., None]:
     words = of_plugins("templates")
     help_of = {word: typer.Option(f"--{word}", help=f"For a {word} of your own.") for word in words}
     return _with_options(command, "templates", {word: Annotated[bool, help_of[word]] for word in words})
+
+
+def figure_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command an option for each key of ``figure``, for its parameter `chosen`: those that are given."""
+    options: dict[str, Any] = {}
+    for name, key in FIGURE_KEYS.items():
+        flag = f"--{name.replace('_', '-')}"
+        options[name] = Annotated[str | None, typer.Option(flag, help=key.text)]
+        if key.can_be_off:
+            options[f"no_{name}"] = Annotated[bool, typer.Option(f"--no-{name}", help=f"Without a {name}.")]
+
+    @functools.wraps(command)
+    def called(given: dict[str, Any], **values: Any) -> None:
+        off = {name: False for name in FIGURE_KEYS if f"no_{name}" in given}
+        command(chosen={name: value for name, value in given.items() if name in FIGURE_KEYS} | off, **values)
+
+    signature = inspect.signature(command)
+    own = [one.replace(name="given") if one.name == "chosen" else one for one in signature.parameters.values()]
+    called.__dict__["__signature__"] = signature.replace(parameters=own)
+    return _with_options(called, "given", options)
 
 
 #: (experiment, folder of results, whether from scratch, who is told, limits) -> its results, None if not yet complete.

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
+from ..specs.figures import read_figure
 from .options import (
     FAILED,
     INVALID,
@@ -17,6 +18,7 @@ from .options import (
     Several,
     complete_results,
     end,
+    figure_options,
     found,
     of_plugins,
     run_options,
@@ -63,45 +65,35 @@ def show(
 
 
 @run_options("trust_code")
+@figure_options
 def plot(
     sources: Several = None,
     results: ResultsFolder = RESULTS,
     out: Annotated[Path | None, typer.Option(help="Folder of figures (default: that of the results).")] = None,
-    style: Annotated[
-        Literal["screen", "paper"],
-        typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf."),
-    ] = "screen",
-    width: Annotated[
-        str | None, typer.Option(help="Width of a figure: one or two (columns of a paper), or e.g. 5.125in, 130mm.")
-    ] = None,
-    height: Annotated[str | None, typer.Option(help="Height of a figure, e.g. 4.5in, 110mm.")] = None,
-    font: Annotated[str | None, typer.Option(help="Font: serif, sans or an installed TrueType family.")] = None,
-    font_size: Annotated[
-        float | None, typer.Option(help="Points of text (default: 9, in a paper 8); other letters in proportion.")
-    ] = None,
     film: Annotated[bool, typer.Option("--film", help="Also write a film of the states: <out>/<name>.gif.")] = False,
     *,
+    chosen: dict[str, Any],
     options: RunOptions,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from .. import views
-    from ..drawing import page
     from ..drawing.style import caption
 
-    look: dict[str, Any] = {"style": style, "width": width, "height": height, "font": font, "font_size": font_size}
     try:
-        page.named(**look)
+        read_figure(chosen)
     except ValueError as error:
-        end(INVALID, f"--{error}")
+        name, _, message = str(error).partition(": ")
+        end(INVALID, f"--{name.replace('_', '-')}: {message}")
 
     def draw(one: "Found") -> None:
         path, stored_results = one.path, one.read()
         with _about(path):
-            figure = views.figure(stored_results, **look)
-        folder = out or path.parent
-        for written in views.save(figure, folder, path.stem if style == "screen" else f"{path.stem}_paper"):
+            words = views.chosen(stored_results, **chosen)
+            figure = views.figure(stored_results, **chosen)
+        folder, is_paper = out or path.parent, words.get("style") == "paper"
+        for written in views.save(figure, folder, f"{path.stem}_paper" if is_paper else path.stem):
             tell(f"wrote {written}")
-        if style == "paper":
+        if is_paper or words.get("title") is False:
             tell(f"caption: {caption(figure)}")
         if film:
             _write_film(path, stored_results, folder)

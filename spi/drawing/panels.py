@@ -14,11 +14,10 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..storage.records import Order
 from ..storage.stored import Estimate, Stored
-from . import layout, plots, style
+from . import layout, page, plots, style
 
 _LINES = 4  # shades of one colour that can be told apart
 _UNITS = ("s", "ns", "rad")  # that stand on an axis; others, as "state", are those of the system
@@ -250,7 +249,7 @@ class Figures(NamedTuple):
     facts: Sequence[str] | Callable[[Any], dict[str, str]] = ()  #: fields of the record that stand above the figure
 
     @np.errstate(all="ignore")  # records of paths that diverged hold NaN and infinity
-    def __call__(self, title: str, cases: Sequence[Records]) -> Figure:
+    def __call__(self, title: str, cases: Sequence[Records]) -> layout.PanelFigure:
         """Figure of the records of each case."""
         looks = style.looks(cases)
         facts = [
@@ -279,8 +278,8 @@ class Figures(NamedTuple):
         return [group for group in groups if group] or same
 
     def _words(self, record: Any) -> Sequence[str]:
-        """Words of the panels that a record asks for, by default all; ValueError for an unknown one."""
-        words = getattr(record, "panels", None) or tuple(self.panels)
+        """Words of the panels that were chosen, or that a record asks for, by default all; ValueError for no panel."""
+        words = page.current().chosen.get("panels") or getattr(record, "panels", None) or tuple(self.panels)
         if unknown := [word for word in words if word not in self.panels]:
             raise ValueError(f"{unknown[0]!r} is not a known panel; known panels: {', '.join(self.panels)}")
-        return words
+        return tuple(words)

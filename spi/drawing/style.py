@@ -1,8 +1,9 @@
 """Look of all figures: colours, markers, titles, numbers and words."""
 
+import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -79,7 +80,19 @@ def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
         ramps += 1
         for i, variant in enumerate(sorted(variants, key=lambda variant: variants[variant])):
             chosen[variant] = markers[i % len(markers)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
-    return chosen
+    return _in_colours(chosen, [variant for variants in members.values() for variant in variants])
+
+
+def _in_colours(looks: Looks, variants: Sequence[str]) -> Looks:
+    """Looks in the colours that a person chose for variants, in their order or by name."""
+    colours = page.current().chosen.get("colors", ())
+    if not isinstance(colours, Mapping):
+        colours = dict(zip(variants, colours, strict=False))
+    if unknown := next((name for name in colours if name not in (*variants, *looks)), None):
+        near = difflib.get_close_matches(unknown, variants, 1)
+        right = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(variants)}"
+        raise ValueError(f"colors: has '{unknown}'; {right}")
+    return looks | {name: (looks[name][0], to_hex(colour)) for name, colour in colours.items()}
 
 
 def shade(colour: str, i: int, count: int) -> str:
@@ -134,6 +147,10 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
     pads: dict[str, Any] = {"w_pad": layout.w_pad, "h_pad": layout.h_pad}
     if page.current().is_paper:
         fig.set_size_inches(width, layout.height or 1.3 * height)  # which is fitted when all is drawn
+        fig.set_layout_engine(ConstrainedLayoutEngine(**pads))
+        return
+    if page.current().chosen.get("title") is False:
+        fig.set_size_inches(width, layout.height or height)
         fig.set_layout_engine(ConstrainedLayoutEngine(**pads))
         return
     titles = wrapped(plain(title).split(), " ", "figure.titlesize", width)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colors
-from matplotlib.figure import Figure
 
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
@@ -36,7 +35,7 @@ def draw(
     sorts: Mapping[str, Sort],
     texts: Mapping[str, str] = {},
     references: Mapping[str, str] = {},
-) -> Figure:
+) -> layout.PanelFigure:
     """Figure of cases that are swept: each quantity over the values.
 
     `sorts` has the sort of each quantity, `texts` the formulas of test functions, `references` those of their means.
@@ -57,7 +56,7 @@ def draw(
     return _arranged(title, cases, panels)
 
 
-def draw_maps(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> Figure:
+def draw_maps(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> layout.PanelFigure:
     """Figure of cases in which two parameters are swept: each quantity as a map over both, for each scheme."""
     several = len({curve.about.variant for _, curves, _ in cases for curve in curves}) > 1
 
@@ -67,7 +66,9 @@ def draw_maps(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> F
     return _arranged(title, cases, panels)
 
 
-def _arranged(title: str, cases: Sequence[Case], panels: Callable[[Sequence[Curve]], list[list[plots.Plot]]]) -> Figure:
+def _arranged(
+    title: str, cases: Sequence[Case], panels: Callable[[Sequence[Curve]], list[list[plots.Plot]]]
+) -> layout.PanelFigure:
     shared = [fact for fact in cases[0][2] if all(fact in facts for _, _, facts in cases)]
     drawn = [
         ([style.plain(name), *(fact for fact in facts if fact not in shared)], panels(curves))

@@ -1,5 +1,6 @@
 """Looks of results, which are those of their spec as it is now: titles, panels, and what the key ``figure`` says."""
 
+import json
 from typing import Any
 
 from .. import specs
@@ -10,7 +11,9 @@ from .checkpoint import as_run
 
 def attributes(experiment: specs.Experiment) -> dict[str, Any]:
     """Root attributes that no number depends on."""
-    return {**as_run(experiment), "expect": experiment.expect, "asks": experiment.asks, "figure": experiment.figure}
+    chosen = json.dumps(experiment.chosen) if experiment.chosen else None
+    own = {"expect": experiment.expect, "asks": experiment.asks, "figure": experiment.figure, "figure_keys": chosen}
+    return {**as_run(experiment), **own}
 
 
 def relooked(results: StoredResults, experiment: specs.Experiment) -> StoredResults:

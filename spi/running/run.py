@@ -20,7 +20,7 @@ from ..specs.naming import results_in
 from ..storage.records import StoredResults
 from ..storage.stored import gathered
 from . import compiling, looks
-from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, note_path, remove_unneeded
+from .checkpoint import Checkpoint, Limits, Shard, Stopped, note_path, remove_unneeded
 from .finding import results_of
 from .load import SpecSource, headings, layers, load, load_any, plans, sources
 from .workers import Workers, advance_here, advance_with, perform_tasks
@@ -274,11 +274,10 @@ def progress_of_part(state: State, number: int, parts: int) -> Progress:
 def identity(experiment: specs.Experiment) -> dict[str, Any]:
     """Root attributes that identify the spec of results."""
     return {
-        **as_run(experiment),
+        **looks.attributes(experiment),
         "spec_hash": experiment.hash,
         "samples": experiment.samples,
         "model_code": _code(experiment),
-        "expect": experiment.expect,
         "source_digest": NUMBERS_DIGEST,
     }
 
@@ -297,8 +296,6 @@ def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
     return {
         **identity(experiment),
         "model_modules": json.dumps(texts, sort_keys=True) if texts else None,
-        "asks": experiment.asks,
-        "figure": experiment.figure,
         "seed": experiment.cases[0].seed,
         "stream_version": STREAM_VERSION,
         "spi_version": __version__,
