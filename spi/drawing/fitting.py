@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from operator import itemgetter
 from typing import Any
 from weakref import WeakSet
@@ -102,15 +102,16 @@ def _break_labels(ax: Axes) -> None:
 
 
 def _free_legends(fig: Figure) -> None:
-    """Move legends within panels to where they cover no line, above all lines if that is nowhere else."""
+    """Move legends within panels to where they cover no line, else no results, above these if that is nowhere else."""
     for ax in fig.axes:
         legend = ax.get_legend()
         if legend is None:
             continue
-        paths = [line.get_transform().transform_path(line.get_path()) for line in ax.lines]
-        for place in _CORNERS:
+        results = [line for line in ax.lines if not str(line.get_label()).startswith(plots.SLOPE)]
+        for lines, place in product((ax.lines, results), _CORNERS):
             legend.set_loc(place)
             box = legend.get_window_extent()
+            paths = (line.get_transform().transform_path(line.get_path()) for line in lines)
             if not any(path.intersects_bbox(box, filled=False) for path in paths):
                 break
         else:

@@ -80,13 +80,13 @@ def test_scales_and_limits():
 
 
 @pytest.mark.parametrize("power", [0.5, -0.5])
-def test_a_legend_within_a_panel_covers_no_line(power):
+def test_a_legend_within_a_panel_covers_no_results(power):
     results = strong(strong_group("splitting", error=H**power), strong_group("midpoint", error=1.5 * H**power))
     fig = views.figure(results, legend="inside", width="12cm")
     with page.applied(page.of(fig)):
         assert [one for one in collisions(fig) if not one.endswith("lies on panel 0")] == []
     box = fig.axes[0].get_legend().get_window_extent()
-    for line in fig.axes[0].lines:
+    for line in (line for line in fig.axes[0].lines if "slope" not in line.get_label()):
         assert not line.get_transform().transform_path(line.get_path()).intersects_bbox(box, filled=False)
 
 
