@@ -13,9 +13,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from . import page, plots
+from . import page, plots, style
 
-_WORD = re.compile(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+\s*")  # a formula is one word
 _BREAKS = re.compile(r"(?<=,\\,)|(?= [+-] )")  # within a formula: behind a comma, before a sign
 
 _CORNERS: Any = ("upper left", "upper right", "lower right", "lower left", "upper center", "lower center")  # of legends
@@ -143,7 +142,7 @@ def broken(line: str, font: Any, room: float) -> Sequence[str]:
     if fits(line):
         return [line]
     parts = [""]
-    for word in _WORD.findall(line):
+    for word in style.WORD.findall(line):
         for part in [word] if fits(word) else _parts(word):
             if parts[-1] and not fits(parts[-1] + part):
                 parts.append("")

@@ -70,6 +70,13 @@ class Page(NamedTuple):
         # Letters that the family lacks are taken from one that has them.
         return look | math_fonts | {"font.family": [self.family, FAMILIES["sans"]]}
 
+    def overlays_cases(self) -> bool:
+        """Whether the lines of all cases stand in one panel."""
+        over = self.chosen.get("overlay")
+        if over not in (None, "cases"):
+            raise ValueError(f"overlay: is '{over}', which is not the second of two swept words; must be cases")
+        return over is not None
+
     def columns(self) -> int:
         """Number of panels side by side at most: of those that a figure of a given width has room for."""
         wanted, width = self.layout.columns, self.layout.width
@@ -129,6 +136,17 @@ def applied(page: Page = SCREEN) -> Iterator[None]:
     try:
         with matplotlib.style.context(["default", page.settings]):
             yield
+    finally:
+        _CURRENT.reset(token)
+
+
+@contextlib.contextmanager
+def without(name: str) -> Iterator[None]:
+    """Draw without something that was chosen, which has been taken care of."""
+    now = current()
+    token = _CURRENT.set(now._replace(chosen={one: value for one, value in now.chosen.items() if one != name}))
+    try:
+        yield
     finally:
         _CURRENT.reset(token)
 

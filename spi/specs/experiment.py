@@ -325,9 +325,10 @@ def _check_chosen(chosen: dict[str, Any], cases: Sequence[BaseCase], document: D
     if (over := read.get("overlay", "cases")) not in ("cases", *second):
         document.fail(("figure", "overlay"), f"is {shown(over)}; must be {' or '.join(['cases', *sorted(second)])}")
     named = dict.fromkeys(name for case in cases for name in (*case.scopes, *case.quantities, *swept))
-    for name in read.get("labels", {}):
-        if name not in named:
-            document.fail(("figure", "labels"), f"has {shown(name)}; {suggestion(name, named)}")
+    for key, names in (("labels", read.get("labels", ())), ("crossing", filter(None, [read.get("crossing")]))):
+        for name in names:
+            if name not in named:
+                document.fail(("figure", key), f"has {shown(name)}; {suggestion(name, named)}")
 
 
 def _printable(stem: str) -> str:

@@ -39,6 +39,12 @@ def _entries(value: Any, right: str) -> list[str]:
     return [one.strip() for one in given]
 
 
+def _word(value: Any) -> str:
+    if not isinstance(value, str) or not value.strip():
+        raise _wrong(value, "a word")
+    return value.strip()
+
+
 def _panels(value: Any) -> tuple[str, ...]:
     words = _entries(value, "words divided by commas, such as mean,variance")
     if twice := next((word for word in words if words.count(word) > 1), None):
@@ -145,7 +151,8 @@ def _font_size(value: Any) -> float:
 
 FIGURE_KEYS: Mapping[str, FigureKey] = {
     "panels": FigureKey("Panels, such as mean,variance; of a sweep its quantities.", _panels),
-    "overlay": FigureKey("Lines in one panel: of all cases (cases), or of each value of a swept word.", str),
+    "overlay": FigureKey("Lines in one panel: of all cases (cases), or of each value of a swept word.", _word),
+    "crossing": FigureKey("Quantity over a swept word, the crossing of whose two lines is marked.", _word),
     "title": FigureKey("Another title; without one the parameters are left out, too.", _title, can_be_off=True),
     "labels": FigureKey("Labels, such as binder=Binder cumulant,T=temperature.", _labels),
     "log": FigureKey("Axes that become logarithmic: x, y, xy, or none of them.", _one_of("x", "y", "xy", "none")),

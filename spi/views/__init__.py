@@ -198,12 +198,19 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
 
 def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
-    from ..drawing.sweeps import draw, draw_maps
+    from ..drawing import page
+    from ..drawing.sweeps import draw, draw_maps, each_value
 
     drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
-    sorts = KINDS[kind].keys.Case.quantities
+    sorts, over = KINDS[kind].keys.Case.quantities, page.current().chosen.get("overlay")
+    if over and all(curve.second_word == over for _, curves, _ in drawn for curve in curves):
+        drawn = [
+            (name, [line for curve in curves for line in each_value(curve)], facts) for name, curves, facts in drawn
+        ]
+        with page.without("overlay"):
+            return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
     if any(curve.second_word for _, curves, _ in drawn for curve in curves):
         return draw_maps(title, drawn, sorts)
     return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
