@@ -185,6 +185,8 @@ class BaseCase(Keys):
         "areas": "exact",
         "python": None,
     }
+    #: The keys that only figures and tables read.  They are no part of what identifies results.
+    looks: ClassVar[frozenset[str]] = frozenset(["title", "panels"])
     distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
     at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion

@@ -149,7 +149,7 @@ def test_a_height_without_room_for_the_panels_is_refused_with_what_they_need(tmp
 
 @pytest.mark.parametrize("style", ["screen", "paper"])
 def test_a_figure_has_the_size_and_the_letters_asked_for(style):
-    fig = views.figure(errors(4), style, width="15cm", height=6.0, font="serif", font_size=7)
+    fig = views.figure(errors(4), style=style, width="15cm", height=6.0, font="serif", font_size=7)
     assert fig.get_size_inches().tolist() == pytest.approx([15 / 2.54, 6.0])
     assert fig.axes[0].xaxis.label.get_fontsize() == pytest.approx(70 / 9 if style == "screen" else 7)
     assert fig.axes[0].xaxis.label.get_fontname() == "STIXGeneral"

@@ -25,7 +25,7 @@ FLOORS = [
         "statistics": ["storage"],
         "storage": [],
     },
-    {"drawing": [], "printing": [], "specs": []},
+    {"drawing": [], "printing": [], "specs": ["drawing"]},
     {
         "kinds": [],
         **{f"kinds.{kind}": ["kinds"] for kind in ("stability", "strong", "trajectory", "weak")},

@@ -154,3 +154,20 @@ def test_every_change_of_every_key(kind):
     never = keys_of(kind).keys() - {change.key for change, what, _ in found if what != INVALID}
     assert never == NEVER.get(kind, set()), "give the others a value that is right in a layer of reuse_cases.py"
     assert {EQUAL, ANEW} <= {what for _, what, _ in found}
+
+
+def test_looks_are_no_part_of_what_identifies_results(tmp_path, monkeypatch):
+    """Other panels and titles: nothing is computed, and the file becomes that of a run of the edited spec."""
+    data = laid("trajectory")
+    edited = data | {"panels": ["components"], "times": ["1"], "title": "Another", "figure": "7"}
+    before, after = (Spec.of(one).loaded() for one in (data, edited))
+    path = runner.run(before, tmp_path)
+    right = runner.run(after, tmp_path / "new")
+    monkeypatch.setattr(runner, "Session", None)  # which computes
+    told = []
+    runner.run(after, tmp_path, watch=runner.Watch(tell=told.append))
+    assert before.hash == after.hash and everything(path) == everything(right) and "has the numbers" in told[0]
+    one, other = (storage.read(file).attributes for file in (path, right))
+    assert {name for name in one | other if one.get(name) != other.get(name)} <= {"created"}
+    with pytest.raises(TypeError):  # a path that is longer is another result
+        runner.run(Spec.of(edited | {"final_time": "2"}).loaded(), tmp_path)

@@ -19,7 +19,7 @@ from spi.plugins.dynamics.kinds.references import EXACT, FINEST
 from spi.specs.cases import with_others
 from spi.specs.checks import ROUNDING, check_count, check_multiple
 from spi.specs.keys import Functions, condition, key_of, quantity, shown, wrong
-from spi.specs.names import CodeKeys
+from spi.specs.names import CodeKeys, numbers_of
 from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 
@@ -48,8 +48,8 @@ class Case(CodeKeys, LongCase):
     ) = Field(default_factory=dict)
     derived: key_of(
         Functions,
-        "by name an expression in the means of functions and T, as in {binder: 1 - m4/(3*m2^2)}, with errors by the "
-        "jackknife",
+        "by name an expression in the means of functions, T and the numbers of the model (n sites of spins), as in "
+        "{binder: 1 - m4/(3*m2^2)}, with errors by the jackknife",
     ) = Field(default_factory=dict)
     burn_in: key_of(NonNegative | None, "time that does not count for functions; default: a fifth", "time") = None
     spacing: key_of(
@@ -148,9 +148,10 @@ reference: exact
             check_function(self, name, text)
         if both := self.derived.keys() & functions.keys():
             raise wrong("is the name of a function", "take another name", "derived", min(both))
+        numbers = numbers_of(self)
         for name, text in self.derived.items():
             try:
-                derived_quantity(text, tuple(functions))
+                derived_quantity(text, tuple(functions), numbers)
             except NumberError as error:
                 right = f"must be an expression in {', '.join(functions)} and T"
                 raise wrong(f"is {shown(text)} ({error})", right, "derived", name) from None
@@ -190,4 +191,6 @@ reference: exact
     @condition
     def _check_panels(self) -> Self:
         """Case with the panels of its figure."""
+        if "derived" in self.panels and not self.derived:
+            raise wrong("has 'derived', and the key derived is missing", "add derived:", "panels")
         return self if self.panels else self.model_copy(update={"panels": PANELS[:3]})
