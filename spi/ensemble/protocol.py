@@ -364,7 +364,10 @@ def geometry(model):
 
 @method(optional=True, compiled=False)
 def observables(model):
-    """{name: function of states (d, ...)} besides H and the Casimir functions."""
+    """{name: function of states (d, ...)} besides H and the Casimir functions.
+
+    A ``spi.expressions.Family`` in place of a function has numbers as arguments in formulas.
+    """
 
 
 @method(optional=True)

@@ -10,6 +10,7 @@ PLUGIN = Plugin(
         "vorticity": "spi.plugins.fluids.specs.initial:Vorticity",
         "random": "spi.plugins.fluids.specs.initial:Vorticity",
     },
+    offered={"fluid": "spi.plugins.fluids.api"},
     grids={"torus": "spi.plugins.fluids.specs.initial:of_grid"},
     films={"torus": "spi.plugins.fluids.kinds.trajectory.figure:FILM"},
     groups={"fluids": "the sine-Euler equations and their limit"},

@@ -18,6 +18,7 @@ from annotated_types import Ge, Le
 from spi.numerics.rng import MOST_NOISES
 
 from .kernels import tables
+from .observables import observables_of
 from .tables import Mode, lines, modes, shell
 
 
@@ -83,6 +84,9 @@ class Zeitlin(NamedTuple):
 
     def geometry(model):
         return {"on": "torus", "modes": model.n}
+
+    def observables(model):
+        return observables_of(model.n)
 
     def in_kernels(model):
         return tables(model)
