@@ -72,6 +72,27 @@ def test_fields_and_their_means(N):
     assert list(map(tuple, program.fluid("order", N))) == order_of(N)
 
 
+def test_an_array_becomes_the_state_and_the_state_the_array(tmp_path):
+    N, y = 7, state_of(7)
+    omega, _ = fields_of(N, y)
+    table = program.fluid("modes", y)
+    np.save(tmp_path / "field.npy", omega)
+    np.save(tmp_path / "modes.npy", [table[m] for m in order_of(N)])
+    np.save(tmp_path / "state.npy", program.fluid("state", table, N))
+    for name in ("field", "modes", "state"):
+        (found,) = program.start({"name": "zeitlin", "n": N}, initial={"file": str(tmp_path / f"{name}.npy")})
+        np.testing.assert_allclose(found, y, atol=1e-13)
+        np.testing.assert_allclose(program.fluid("field", found, G), omega, atol=1e-12)
+    few = program.fluid("modes", program.fluid("state", table, 5))
+    half = [0, 1, 2, -2, -1]
+    assert np.array_equal(few, table[np.ix_(half, half)])
+    for place, message in (((0, 0), "the mean"), ((1, 2), "complex conjugates")):
+        wrong = table.copy()
+        wrong[place] += 1
+        with pytest.raises(RuntimeError, match=message):
+            program.fluid("state", wrong, N)
+
+
 def test_words_of_formulas():
     N, y = 7, state_of(7)
     omega, u = fields_of(N, y)

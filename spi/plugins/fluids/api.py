@@ -44,12 +44,11 @@ def order(n: int) -> Sequence[tuple[int, int]]:
 def state(values: Any, n: int) -> np.ndarray:
     """States (..., N^2 - 1) of fields (..., G, G), real, or of modes (..., N', N'), complex as of :func:`modes`.
 
-    Modes beyond N = `n` are left out.  Raises ValueError if G or N' is below N, or if a mean is not 0.
+    Modes beyond N = `n` are left out.  Raises ValueError if G or N' is below N, if a mean is not 0, or if the modes m
+    and -m are not complex conjugates.
     """
     values = np.asarray(values)
-    if np.iscomplexobj(values):
-        values = np.fft.ifft2(values, norm="forward").real
-    return fields.projected(values, n)
+    return (fields.state_of_table if np.iscomplexobj(values) else fields.projected)(values, n)
 
 
 def spectrum(y: Any) -> np.ndarray:

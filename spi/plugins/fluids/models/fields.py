@@ -81,6 +81,21 @@ def table_of(y: np.ndarray) -> np.ndarray:
     return table
 
 
+def state_of_table(table: np.ndarray, n: int) -> np.ndarray:
+    """States (..., N^2 - 1), N = `n`, of modes (..., N', N') as :func:`table_of` gives them; those beyond N are left out.
+
+    ValueError if N' < N, if omega_0 is not 0, or if omega_{-m} is not the complex conjugate of omega_m.
+    """
+    _check_points(table.shape[-1], n)
+    m1, m2 = _frequencies(n)
+    omega, rounding = table[..., m1, m2], MEAN_ROUNDING * np.abs(table).max()
+    if (np.abs(table[..., 0, 0]) > rounding).any():
+        raise ValueError("the mean of a vorticity on the torus must be 0")
+    if (np.abs(table[..., -m1, -m2] - omega.conj()) > rounding).any():
+        raise ValueError("modes m and -m must be complex conjugates")
+    return np.stack([omega.real, omega.imag], axis=-1).reshape(*omega.shape[:-1], -1)
+
+
 def energy_spectrum(y: np.ndarray) -> np.ndarray:
     """E(k) = 1/2 sum |omega_m|^2 / |m|^2 over the modes m and -m of shell k = 1, 2, ..., (..., shells) of states."""
     lengths, shells = _lengths(size_of(y)), shells_of(size_of(y))
