@@ -82,7 +82,7 @@ def table_of(y: np.ndarray) -> np.ndarray:
 
 
 def state_of_table(table: np.ndarray, n: int) -> np.ndarray:
-    """States (..., N^2 - 1), N = `n`, of modes (..., N', N') as :func:`table_of` gives them; those beyond N are left out.
+    """States (..., N^2 - 1), N = `n`, of modes (..., N', N') as of :func:`table_of`; those beyond N are left out.
 
     ValueError if N' < N, if omega_0 is not 0, or if omega_{-m} is not the complex conjugate of omega_m.
     """
