@@ -3,6 +3,8 @@
 import numpy as np
 import pytest
 from numpy import pi
+from scipy.linalg import expm
+from text_of_fluids import Fluid
 from uncompiled import program
 
 G = 24  # points a side, enough for products of two fields of N <= 9
@@ -140,3 +142,93 @@ def test_other_states_are_refused():
     for wrong in (np.zeros(7), np.zeros(15), np.array(1.0)):
         with pytest.raises(RuntimeError, match=r"ValueError: states have shape .* N.2 - 1 for an odd N"):
             program.fluid("field", wrong, 16)
+
+
+# --- passive tracers -------------------------------------------------------------------------------------------------
+
+
+def along_lines(N, c, omega, h):
+    """Matrices of the flows of all lines, each at the state that the others before have made; `omega` is moved along.
+
+    Modes are complex numbers in the order `reach`.  z_m' is the sum over k on the line of c sin(2 pi m x k / N) z_(m+k)
+    dH/d omega_k, where dH/d omega_k = omega_(-k) / |k|^2 is constant along the flow.
+    """
+    half, reach = N // 2, [(a, b) for a in range(-(N // 2), N // 2 + 1) for b in range(-(N // 2), N // 2 + 1)]
+    at = {m: i for i, m in enumerate(reach)}
+
+    def near(a, b):
+        return (a + half) % N - half, (b + half) % N - half
+
+    done = set()
+    for g in order_of(N):  # the generator of a line is the first of its modes
+        if g in done:
+            continue
+        line = [near(a * g[0], a * g[1]) for a in range(1, N)]
+        done |= {*line}
+        rates = np.zeros((N * N, N * N), complex)
+        for m in reach:
+            for k in line:
+                factor = c * np.sin(2 * pi * (m[0] * k[1] - m[1] * k[0]) / N)
+                rates[at[m], at[near(m[0] + k[0], m[1] + k[1])]] += (
+                    factor * omega[at[-k[0], -k[1]]] / (k[0] ** 2 + k[1] ** 2)
+                )
+        matrix = expm(h * rates)
+        omega = matrix @ omega
+        yield matrix, omega
+
+
+def in_reach(N, y):
+    """All modes of a state, 0 for the mean"""
+    reach = [(a, b) for a in range(-(N // 2), N // 2 + 1) for b in range(-(N // 2), N // 2 + 1)]
+    known = {m: y[2 * k] + 1j * y[2 * k + 1] for k, m in enumerate(order_of(N))}
+    known |= {(-a, -b): value.conjugate() for (a, b), value in known.items()} | {(0, 0): 0}
+    return np.array([known[m] for m in reach])
+
+
+@pytest.mark.parametrize("normalisation", ["paper", "zeitlin"])
+def test_a_tracer_is_moved_by_the_matrix_exponentials_of_the_same_lines(normalisation):
+    N, h = 5, 0.3
+    model = {"name": "zeitlin", "n": N, "normalisation": normalisation, "tracers": 2}
+    y = state_of(N, 4), state_of(N, 5), state_of(N, 6)
+    found = program.step(model, "splitting", h, np.concatenate(y)).reshape(3, -1)
+    omega, *thetas = (in_reach(N, part) for part in y)
+    for matrix, after in along_lines(N, {"paper": 1, "zeitlin": N / (2 * pi)}[normalisation], omega, h):
+        omega, thetas = after, [matrix @ theta for theta in thetas]
+    for part, expected in zip(found, (omega, *thetas), strict=True):
+        np.testing.assert_allclose(in_reach(N, part), expected, atol=1e-12)
+    assert abs(found[1] - y[1]).max() > 0.1
+
+
+def test_casimirs_and_words_of_tracers():
+    N, parts = 5, (state_of(5, 4), state_of(5, 5), state_of(5, 6))
+    model, y = {"name": "zeitlin", "n": N, "tracers": 2}, np.concatenate(parts)
+    text = Fluid(N, 1, "zeitlin")
+    known = {f"C{4 * j + k - 1}": text.casimir(k)(part) for j, part in enumerate(parts) for k in range(2, 6)}
+    for j in (0, 1, 2):
+        name = f"tracer{j}" if j else "vorticity"
+        known[f"{name}(2*pi*5/24, 2*pi*17/24)"] = fields_of(N, parts[j])[0][5, 17]
+    at = order_of(N).index((1, 2))
+    known |= {"tracer2_re(1,2)": parts[2][2 * at], "tracer2_im(-1,-2)": -parts[2][2 * at + 1]}
+    known |= {
+        "enstrophy": (fields_of(N, parts[0])[0] ** 2).mean() / 2,
+        "E(1)+E(2)+E(3)": program.fluid("energy", parts[0]),
+    }
+    texts = {f"f{i}": name for i, name in enumerate(known)}
+    found = program.values(model, y, texts)
+    for name, word in texts.items():
+        assert found[name] == pytest.approx(known[word], rel=1e-12), word
+
+
+def test_tracers_keep_their_casimirs_and_change_nothing_of_the_vorticity():
+    N, noise = 5, [{"shell": 1, "sigma": 0.3}, {"shell": 2, "sigma": 0.3, "hamiltonian": "linear"}]
+    model = {"name": "zeitlin", "n": N, "noise": noise}
+    start = {"vorticity": "cos(x1) + sin(x2 - 2*x1)", "tracers": ["3 + cos(x2)", "cos(x1) + sin(x2 - 2*x1)"]}
+    given = {"final_time": 2, "step": 0.5}
+    alone = program.paths(model, "splitting", initial={"vorticity": start["vorticity"]}, **given)
+    found = program.paths(model | {"tracers": 2}, "splitting", initial=start, **given).reshape(5, 3, -1)
+    assert np.array_equal(found[:, 0], alone) and np.array_equal(found[:, 2], alone)
+    text = Fluid(N, 1, "zeitlin")
+    for k in range(2, 6):
+        values = np.array([text.casimir(k)(theta) for theta in found[:, 1]])
+        assert abs(values - values[0]).max() < 1e-13
+    assert abs(found[-1, 1] - found[0, 1]).max() > 0.1

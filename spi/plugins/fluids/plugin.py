@@ -17,6 +17,7 @@ PLUGIN = Plugin(
     panels={
         "trajectory.vorticity": "spi.plugins.fluids.kinds.trajectory.words:VORTICITY",
         "trajectory.spectrum": "spi.plugins.fluids.kinds.trajectory.words:SPECTRUM",
+        "trajectory.tracer": "spi.plugins.fluids.kinds.trajectory.words:TRACER",
         "statistics.energy_spectrum": "spi.plugins.fluids.kinds.statistics.words:SPECTRUM",
         "trajectory.enstrophy": "spi.plugins.fluids.kinds.trajectory.words:ENSTROPHY",
     },

@@ -176,7 +176,7 @@ _SMALL = 1e-3  # of the mean of |omega|^k: a mean of omega^k that cannot be comp
 def report(model: Any, initial: Sequence[float]) -> list[str]:
     """Lines on what a model resolves of an initial state."""
     lines = [f"N = {model.n} resolves cells of 2 pi/sqrt(N) = {cell(model.n):.2f}, not the grid of its modes"]
-    each = enumerate(ratios(np.array(initial), min(_MOST, model.n - 1)), 2)
+    each = enumerate(ratios(np.array(initial)[: model.n**2 - 1], min(_MOST, model.n - 1)), 2)
     if casimirs := ", ".join(f"C_{k} {ratio:.2f}" for k, ratio in each if math.isfinite(ratio)):
         lines.append(f"Casimirs at the start, of the means of omega^k (1 for a fluid): {casimirs}")
     return lines

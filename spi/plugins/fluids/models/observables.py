@@ -15,8 +15,8 @@ from .tables import modes, places, shell
 
 
 @functools.lru_cache(8)
-def observables_of(n: int) -> Mapping[str, Callable[[Array], Any] | Family]:
-    """Observables of the states (N^2 - 1, ...) of an N by name."""
+def observables_of(n: int, tracers: int) -> Mapping[str, Callable[[Array], Any] | Family]:
+    """Observables of the states ((1 + tracers) (N^2 - 1), ...) of an N by name."""
     named = {
         "omega_re": _real_part,
         "omega_im": _imaginary_part,
@@ -25,8 +25,21 @@ def observables_of(n: int) -> Mapping[str, Callable[[Array], Any] | Family]:
         "E": _energy,
     }
     of_places = {"vorticity": _vorticity, "velocity1": _velocity1, "velocity2": _velocity2}
-    families = {name: Family(functools.partial(member, n)) for name, member in (named | of_places).items()}
-    return {**families, "enstrophy": _enstrophy}
+    families = {name: _family(member, name, n, 0) for name, member in (named | of_places).items()}
+    for j in range(1, tracers + 1):
+        of_tracer = {f"tracer{j}": _vorticity, f"tracer{j}_re": _real_part, f"tracer{j}_im": _imaginary_part}
+        families |= {name: _family(member, name, n, j) for name, member in of_tracer.items()}
+    return {**families, "enstrophy": functools.partial(_of_part, _squares, n, 0)}
+
+
+def _family(member: Callable[..., Callable[[Array], Any]], name: str, n: int, part: int) -> Family:
+    """Family of functions of the vorticity, part 0, or of a tracer."""
+    return Family(lambda *arguments: functools.partial(_of_part, member(n, name, *arguments), n, part))
+
+
+def _of_part(function: Callable[[Array], Any], n: int, part: int, y: Array) -> Any:
+    """Function of one part of states."""
+    return function(y[part * (n * n - 1) : (part + 1) * (n * n - 1)])
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -44,27 +57,27 @@ def _place(n: int, name: str, m: tuple[Any, ...]) -> tuple[int, int]:
     return places(n)[mode]
 
 
-def _real_part(n: int, *m: Any) -> Callable[[Array], Any]:
+def _real_part(n: int, name: str, *m: Any) -> Callable[[Array], Any]:
     """Re omega_m."""
-    i, _ = _place(n, "omega_re", m)
+    i, _ = _place(n, name, m)
     return lambda y: y[2 * i]
 
 
-def _imaginary_part(n: int, *m: Any) -> Callable[[Array], Any]:
+def _imaginary_part(n: int, name: str, *m: Any) -> Callable[[Array], Any]:
     """Im omega_m."""
-    i, sign = _place(n, "omega_im", m)
+    i, sign = _place(n, name, m)
     return lambda y: sign * y[2 * i + 1]
 
 
-def _modulus(n: int, *m: Any) -> Callable[[Array], Any]:
+def _modulus(n: int, name: str, *m: Any) -> Callable[[Array], Any]:
     """|omega_m|."""
-    i, _ = _place(n, "omega_abs", m)
+    i, _ = _place(n, name, m)
     return lambda y: np.sqrt(np.square(y[2 * i]) + np.square(y[2 * i + 1]))
 
 
-def _complex(n: int, *m: Any) -> Callable[[Array], Any]:
+def _complex(n: int, name: str, *m: Any) -> Callable[[Array], Any]:
     """Error about omega_m, which is no real number."""
-    raise NumberError("omega is complex; write omega_re, omega_im or omega_abs")
+    raise NumberError(f"{name} is complex; write {name}_re, {name}_im or {name}_abs")
 
 
 def _squares(y: Array, some: Any = slice(None), weights: Any = 1.0) -> Any:
@@ -73,16 +86,11 @@ def _squares(y: Array, some: Any = slice(None), weights: Any = 1.0) -> Any:
     return (np.reshape(weights, (-1, *[1] * (y.ndim - 1))) * squares).sum(axis=0)
 
 
-def _enstrophy(y: Array) -> Any:
-    """1/2 sum over all m of |omega_m|^2."""
-    return _squares(y)
-
-
-def _energy(n: int, *k: Any) -> Callable[[Array], Any]:
+def _energy(n: int, name: str, *k: Any) -> Callable[[Array], Any]:
     """1/2 sum of |omega_m|^2 / |m|^2 over all m of shell k."""
     last = max(map(shell, modes(n)))
     if len(k) != 1 or k[0] != int(k[0]) or not 1 <= k[0] <= last:
-        raise NumberError(f"E takes a shell, a whole number from 1 to {last}")
+        raise NumberError(f"{name} takes a shell, a whole number from 1 to {last}")
     some = [i for i, m in enumerate(modes(n)) if shell(m) == k[0]]
     weights = [1.0 / (a * a + b * b) for a, b in map(modes(n).__getitem__, some)]
     return functools.partial(_squares, some=some, weights=weights)
@@ -93,20 +101,20 @@ def _energy(n: int, *k: Any) -> Callable[[Array], Any]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _vorticity(n: int, *x: Any) -> Callable[[Array], Any]:
-    cos, sin, _, _ = _waves(n, "vorticity", x)
+def _vorticity(n: int, name: str, *x: Any) -> Callable[[Array], Any]:
+    cos, sin, _, _ = _waves(n, name, x)
     return _sum_of(2 * cos, -2 * sin)
 
 
-def _velocity1(n: int, *x: Any) -> Callable[[Array], Any]:
+def _velocity1(n: int, name: str, *x: Any) -> Callable[[Array], Any]:
     """u_1, with i m_2 omega_m / |m|^2."""
-    cos, sin, _, m2 = _waves(n, "velocity1", x)
+    cos, sin, _, m2 = _waves(n, name, x)
     return _sum_of(-2 * m2 * sin, -2 * m2 * cos)
 
 
-def _velocity2(n: int, *x: Any) -> Callable[[Array], Any]:
+def _velocity2(n: int, name: str, *x: Any) -> Callable[[Array], Any]:
     """u_2, with -i m_1 omega_m / |m|^2."""
-    cos, sin, m1, _ = _waves(n, "velocity2", x)
+    cos, sin, m1, _ = _waves(n, name, x)
     return _sum_of(2 * m1 * sin, 2 * m1 * cos)
 
 
