@@ -119,7 +119,8 @@ def computed(plan: Any, line: ProgressDisplay, show: Callable[[State], None]) ->
 def _one_path(plan: Any, line: ProgressDisplay) -> xr.Dataset:
     """One path with its invariants."""
     state = computed(plan, line, lambda state: line.share("path", plan.progress(state).done, 1))
-    dataset = dataset_of(plan.results(state).group())
+    record = plan.results(state)
+    dataset = dataset_of(record.group(), record)
     dataset.attrs = _of_paths(dataset.attrs)
     return dataset
 

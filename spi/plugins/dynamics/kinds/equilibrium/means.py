@@ -11,6 +11,7 @@ from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.plugins.dynamics.kinds.long_paths.paths import LongPaths
 from spi.plugins.dynamics.statistics import correlation
 from spi.plugins.dynamics.statistics.cells import range_of
+from spi.specs.names import numbers_of
 from spi.statistics import estimators
 from spi.statistics.accumulators import Array, Batch, added, of_first
 from spi.statistics.rounding import is_rounding, size_of_values, with_rounding
@@ -403,7 +404,7 @@ def _of_columns(formula: Callable[[Array, float], Array], case: Any) -> Callable
 def _derived(recorders: Sequence[FunctionRecorder], case: Any, totals: Sequence[RecordedPaths]) -> DerivedQuantities:
     """Quantities that follow from means, with the jackknife over groups of paths, of few or equal ones over batches."""
     names, found = tuple(case.functions), []
-    formulas = [derived_quantity(text, names) for text in case.derived.values()]
+    formulas = [derived_quantity(text, names, numbers_of(case)) for text in case.derived.values()]
     for recorder, paths in zip(recorders, totals, strict=True):
         counts = estimators.group_counts(case.samples)
         mean, without = estimators.mean_over_paths(paths.mean, counts)
