@@ -53,14 +53,13 @@ if TYPE_CHECKING:
 
 DONE, FAILED, INVALID, STOPPED, CLAIM_FAILED = 0, 1, 2, 3, 4
 
-Specs = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="SPEC",
-        help="Experiment files (YAML), names listed by `spi list`, or files of results, whose spec and options count.",
-        autocompletion=complete_spec,
-    ),
-]
+_SPECS = typer.Argument(
+    metavar="SPEC",
+    help="Experiment files (YAML), names listed by `spi list`, or files of results, whose spec and options count.",
+    autocompletion=complete_spec,
+)
+Specs = Annotated[list[Path], _SPECS]
+SeveralSpecs = Annotated[list[Path] | None, _SPECS]
 ResultsFile = Annotated[
     Path,
     typer.Argument(

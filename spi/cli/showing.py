@@ -43,13 +43,19 @@ def show(
         ),
     ] = None,
     results: ResultsFolder = RESULTS,
-    format: Annotated[Literal["table", "json", "csv"], typer.Option(help="Output format.")] = "table",
+    format: Annotated[Literal["table", "json", "csv", "latex"], typer.Option(help="Output format.")] = "table",
+    table: Annotated[
+        str | None, typer.Option(help="A table of numbers by its name, or by that of a column (default: the main one).")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write all tables into this folder, <out>/<name>.<table>.csv, .json or .tex.")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Also print tables in which a line says enough.")] = False,
     *,
     options: RunOptions,
 ) -> None:
     """Print stored results to standard output; without a name, list what results there are."""
-    from .. import views
-    from ..printing import as_csv, as_json
+    from .. import storage, views
 
     if source is None:
         print_results(results)
@@ -57,11 +63,35 @@ def show(
     (one,) = found([source], results, options)
     file, stored_results = one.path, one.read()
     with _about(file):
-        if format == "table":
-            views.print_tables(stored_results)
+        if out is not None:
+            files = views.exports(stored_results, file.stem, "csv" if format == "table" else format)
+            storage.write_all({out / name: content for name, content in files.items()})
+            for name in files:
+                tell(f"wrote {out / name}")
+            return
+        names = [*views.data_tables(stored_results)]
+        if format == "table" and table is None:
+            views.print_tables(stored_results, everything=everything)
         else:
-            rows = views.rows(stored_results)
-            typer.echo((as_json(rows, takes_all_characters()) if format == "json" else as_csv(rows)).rstrip("\n"))
+            _print_numbers(stored_results, file.stem, format, table)
+    if table is None and len(names) > 1:
+        tell(f"tables of numbers: {', '.join(names)}; --table NAME prints one, --out FOLDER writes all")
+
+
+def _print_numbers(results: "StoredResults", name: str, format: str, table: str | None) -> None:
+    """Print a table in a format; as LaTeX without its name what is printed."""
+    from .. import views
+    from ..printing import as_csv, as_json
+
+    if format == "latex":
+        text = views.as_latex(results, name, views.data_table(results, table) if table else None)
+    elif format == "table":
+        views.print_data(views.data_table(results, table or ""))
+        return
+    else:
+        rows = views.data_table(results, table or "").rows
+        text = as_json(rows, takes_all_characters()) if format == "json" else as_csv(rows)
+    typer.echo(text.rstrip("\n"))
 
 
 @run_options("trust_code")
@@ -272,6 +302,26 @@ def _experiments(folder: Path, problems: list[str]) -> Iterable[ListedPart]:
     for group, members in rows.items():
         if members:
             yield ListedPart(group, f"{group}: {GROUPS[group]}", ["name", "figure", "title"], members)
+
+
+def members(group: str) -> list[Path]:
+    """Experiments of a group, as `spi list` has them; those in the folder experiments as paths.
+
+    SpecError if there is no such group, or none in it.
+    """
+    from ..specs import SpecError
+    from ..specs.keys import suggestion
+
+    if group not in GROUPS:
+        raise SpecError(f"--group: '{group}' is not a group of experiments; {suggestion(group, GROUPS)}")
+    problems: list[str] = []
+    parts = _experiments(Path("experiments"), problems)
+    found = [Path(row[0]) for part in parts if part.word == group for row in part.rows]
+    if group == "yours" and problems:
+        raise SpecError(*problems)
+    if not found:
+        raise SpecError("--group: there is no folder experiments with a file here; write one with `spi new`")
+    return found
 
 
 def print_results(folder: Path, one_line: bool = False) -> None:

@@ -335,7 +335,7 @@ def number(value: float | tuple[float | None, ...] | list[float | None] | None, 
         if len(shown) > _MOST_ENTRIES:
             shown = [*shown[:4], r"\ldots", shown[-1]]
         return "(" + r",\,".join(shown) + ")"
-    if value is None or math.isnan(value):
+    if value is None:  # a noise
         return r"\mathrm{off}"
     if steps and math.frexp(value)[0] == 0.5:
         return f"2^{{{math.frexp(value)[1] - 1}}}"

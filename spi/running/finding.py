@@ -1,12 +1,11 @@
 """Results files by a name and the options of a run, by a spec file, or by their paths."""
 
-import difflib
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..specs.document import SpecError, text_of
+from ..specs.document import SpecError, nearest, text_of
 from ..specs.experiment import PROFILES, Experiment
 from ..specs.keys import suggestion
 from ..specs.naming import results_in
@@ -169,9 +168,9 @@ def _existing(path: Path, name: str, called: str, wanted: Wanted) -> Path:
     if name in shipped.names() or Path(called).is_file():
         remedies.append(f"`{shlex.join(['spi', 'run', called, *wanted.options])}` writes it")
     elif not others:
-        near = difflib.get_close_matches(name, [*names, *shipped.names()], 1)
+        meant = nearest(name, names) or nearest(name, shipped.names())
         remedies.append(
-            f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows"
+            f"did you mean {meant}?" if meant else "give a file of results, or a name that `spi list` shows"
         )
     if others:
         verb, more = "is" if len(others) == 1 else "are", ", ..." if len(others) > 5 else ""

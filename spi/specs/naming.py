@@ -13,6 +13,7 @@ anew.  A name follows from the options alone, so that results are found where th
 
 import hashlib
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
@@ -124,3 +125,16 @@ def plain(value: Any) -> Any:
     if isinstance(value, complex):
         return f"{value.real!r}{value.imag:+}i"
     return value if value is None or isinstance(value, bool | int | float) else str(value)
+
+
+def with_numbers(value: Any) -> Any:
+    """Values as a person would write them: numbers without quotes."""
+    if isinstance(value, dict):
+        return {key: with_numbers(inner) for key, inner in value.items()}
+    if isinstance(value, list | tuple):
+        return [with_numbers(inner) for inner in value]
+    for kind in (int, float) if isinstance(value, str) else ():
+        with suppress(ValueError):
+            if str(kind(value)) == value:
+                return kind(value)
+    return value

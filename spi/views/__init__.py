@@ -1,5 +1,6 @@
 """Stored results as readings, tables and figures, by the kind of experiment that they are of."""
 
+import difflib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -7,8 +8,8 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from ..kinds import KINDS
-from ..printing import sweeps, tables
-from ..printing.rows import rows_of
+from ..printing import as_csv, as_json, latex, sweeps, tables
+from ..printing.rows import DataTable, tables_of
 from ..printing.tables import StyledText, TextTable, printed, show_items
 from ..printing.text import new_console, printable
 from ..specs.document import Document, SpecError
@@ -109,16 +110,66 @@ def _judged(results: StoredResults, read: list[Stored]) -> list[claims.Verdict]:
     return claims.judge(stated, [one for case in by_case(read) for one in claims.quantities(case)])
 
 
-def rows(results: StoredResults) -> list[dict[str, Any]]:
-    """One flat record per case, scheme and point of the first axis (of errors step sizes, else times).
+def data_tables(results: StoredResults) -> dict[str, DataTable]:
+    """Tables of all numbers with their intervals by name, the main one first; see ``spi.printing.rows``.
 
-    Where claims are stored, a record has their verdicts in columns such as ``claim[order]``.
+    Where claims are stored, the main one has their verdicts in columns such as ``claim[order]``.
     """
     read = readings(results)
     judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
-    own = getattr(KINDS[results.attributes["kind"]].results, "rows", None)
-    records = list(own(read)) if own else [row for one in read for row in rows_of(one)]
-    return [record | tables.columns(record, owners[record["case"]], judged) for record in records]
+    found = tables_of(read)
+    for main in [*found.values()][:1]:
+        main.further = lambda row: tables.columns(row, owners[row["case"]], judged)
+    return found
+
+
+def data_table(results: StoredResults, name: str = "") -> DataTable:
+    """Table of this name, or that with a column of this name, the main one by default; ValueError if there is none."""
+    found = data_tables(results)
+    if not found:
+        raise ValueError("the results hold no scheme, so there is no table")
+    chosen = {column: table for table in reversed(found.values()) for column in table.numbers} | found
+    if not name:
+        return next(iter(found.values()))
+    if name not in chosen:
+        near = difflib.get_close_matches(name, chosen, 1)
+        meant = f"; did you mean {near[0]}?" if near else ""
+        raise ValueError(f"there is no table {name}; tables: {', '.join(found)}{meant}")
+    return chosen[name]
+
+
+def rows(results: StoredResults) -> list[dict[str, Any]]:
+    """Rows of the main table; none of results that hold no scheme."""
+    return next((table.rows for table in data_tables(results).values()), [])
+
+
+#: A table of more rows is not written as LaTeX.
+MOST_LATEX_ROWS = 400
+
+
+def exports(results: StoredResults, name: str, format: str) -> dict[str, bytes]:
+    """Files with all tables, of the format "csv", "json" or "latex": name of a file -> content.
+
+    These are ``<name>.csv`` with the main table and ``<name>.<table>.csv`` with each further one; as LaTeX
+    ``<name>.tex`` with what is printed, and each table that has at most :data:`MOST_LATEX_ROWS` rows.
+    """
+    found = data_tables(results)
+    if format != "latex":
+        write = as_json if format == "json" else as_csv
+        stems = [name if i == 0 else f"{name}.{one}" for i, one in enumerate(found)]
+        both = zip(stems, found.values(), strict=True)
+        return {f"{stem}.{format}": write(table.rows).encode() for stem, table in both}
+    whole = {f"{name}.tex": as_latex(results, name).encode()}
+    few = {one: table for one, table in found.items() if len(table.rows) <= MOST_LATEX_ROWS}
+    return whole | {f"{name}.{one}.tex": as_latex(results, name, table).encode() for one, table in few.items()}
+
+
+def as_latex(results: StoredResults, name: str, table: DataTable | None = None) -> str:
+    """A table as LaTeX, by default those that are printed."""
+    shown = [item for items, _ in by_cases(results) for item in items] if table is None else [table.as_text()]
+    grids = [latex.Titled.of(item) for item in shown if isinstance(item, TextTable)]
+    label = name if table is None else f"{name}-{table.name}"
+    return latex.document(label, title(results, readings(results)), grids)
 
 
 def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
@@ -130,14 +181,22 @@ def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
     ]
 
 
-def print_tables(results: StoredResults, file: IO[str] | None = None) -> None:
+def print_tables(results: StoredResults, file: IO[str] | None = None, everything: bool = False) -> None:
     """:func:`show` to ``file`` (standard output if None), in colour if that is a terminal."""
-    show(results, new_console(file))
+    show(results, new_console(file), everything)
 
 
-def show(results: StoredResults, console: Any) -> None:
-    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts."""
-    cases = list(by_cases(results))  # before anything is printed: they may not be readable
+def print_data(table: DataTable) -> None:
+    """Print a table of numbers to standard output."""
+    show_items(new_console(None), [table.as_text()])
+
+
+def show(results: StoredResults, console: Any, everything: bool = False) -> None:
+    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts.
+
+    Tables in which a line says enough are that line, unless `everything` is asked for.
+    """
+    cases = list(by_cases(results, everything))  # before anything is printed: they may not be readable
     if title := results.attributes.get("title"):
         console.print(printable(title), style="bold", markup=False)
     for items, judged in cases:
@@ -145,7 +204,9 @@ def show(results: StoredResults, console: Any) -> None:
         tables.show(console, judged)
 
 
-def by_cases(results: StoredResults) -> Iterator[tuple[list[TextTable | StyledText], list[claims.Verdict]]]:
+def by_cases(
+    results: StoredResults, everything: bool = False
+) -> Iterator[tuple[list[TextTable | StyledText], list[claims.Verdict]]]:
     """Tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
     read, title = readings(results), results.attributes.get("title")
     judged, swept = _judged(results, read), wholes(read)
@@ -155,7 +216,7 @@ def by_cases(results: StoredResults) -> Iterator[tuple[list[TextTable | StyledTe
     cases = [] if swept else by_case(read)
     for case, case_title in zip(cases, titles(cases), strict=True):
         heading = "" if case_title == title else printable(case_title)
-        yield list(printed(heading, case)), [one for one in judged if one.claim.case == case[0].about.case]
+        yield list(printed(heading, case, everything)), [one for one in judged if one.claim.case == case[0].about.case]
 
 
 def chosen(results: StoredResults, **given: Any) -> dict[str, Any]:

@@ -2,7 +2,6 @@
 
 import math
 from collections.abc import Sequence
-from contextlib import suppress
 from functools import reduce
 from itertools import groupby
 from typing import Annotated, Any, ClassVar, Literal, Self
@@ -33,7 +32,7 @@ from spi.specs.keys import (
     quantity,
     wrong,
 )
-from spi.specs.naming import as_yaml
+from spi.specs.naming import as_yaml, with_numbers
 from spi.specs.sweep import versions
 from spi.statistics.claims import claimable
 
@@ -75,6 +74,11 @@ class Case(FunctionKeys, BaseCase):
     seconds: key_of(Positive, "what it may take at most, in seconds of one thread of typical speed", "seconds") = 3600.0
     panels: key_of(AnswerPanels, f"what the figure shows, some of {', '.join(PANELS)}; default: both") = PANELS
 
+    example: ClassVar[str] = """\
+final_time: 1
+functions: {phi: y1^2}
+accuracy: 1e-4
+"""
     driven: ClassVar[bool] = False
     truncate_noise: ClassVar[bool] = False
     unsaid: ClassVar = {**BaseCase.unsaid, "extrapolate": (0,)}
@@ -193,7 +197,7 @@ def question(experiment: Experiment, functions: bool = True) -> str:
             raise SpecError(f"{experiment.called}: functions.{no_formulas[0]}: is no formula of the state; {right}")
         answers.append({"name": name, "title": title, **asked} if own else asked)
     heading = {"title": f"{experiment.title} (answer)", "kind": "answer"}
-    return as_yaml(_with_numbers(heading | ({"cases": answers} if own else answers[0])))
+    return as_yaml(with_numbers(heading | ({"cases": answers} if own else answers[0])))
 
 
 def _middle(raw: dict[str, Any], cases: Sequence[BaseCase], files: Files) -> tuple[dict[str, Any], BaseCase, str]:
@@ -213,16 +217,3 @@ def _asked(raw: dict[str, Any], case: BaseCase) -> dict[str, Any]:
         functions, time = _FUNCTIONS, h * max(round(time / h), 1)
     system = {key: raw[key] for key in _SYSTEM if raw.get(key) is not None}
     return {**system, "final_time": time, "functions": functions, "accuracy": _ACCURACY}
-
-
-def _with_numbers(value: Any) -> Any:
-    """Values as a person would write them: numbers without quotes."""
-    if isinstance(value, dict):
-        return {key: _with_numbers(inner) for key, inner in value.items()}
-    if isinstance(value, list | tuple):
-        return [_with_numbers(inner) for inner in value]
-    for kind in (int, float) if isinstance(value, str) else ():
-        with suppress(ValueError):
-            if str(kind(value)) == value:
-                return kind(value)
-    return value

@@ -23,6 +23,11 @@ class SampledDifferences(Described):
     kurtosis: Array = array("function level", "kurtosis of the difference")
     samples: Array = array("level", "samples of the difference")
 
+    @derived("function level", "standard error of the mean")
+    def mean_stderr(self) -> Array:
+        """(F, levels) of the field `stderr`."""
+        return self.stderr
+
 
 class Chosen(Described):
     """Scheme and steps chosen for sampling, and the outcome of the check."""

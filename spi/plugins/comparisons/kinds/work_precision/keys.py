@@ -26,6 +26,15 @@ class Case(SampledCase):
     repeats: key_of(Repeats, "how often each step size is timed; the median counts") = 15
     panels: key_of(WorkPanels, f"what the figure shows, some of {', '.join(PANELS)}; default: both") = PANELS
 
+    example: ClassVar[str] = """\
+final_time: 1
+steps: 2^-2 .. 2^-8
+reference_step: 2^-11
+truncate_noise: true
+schemes: [splitting, euler_maruyama, midpoint]
+samples: 200
+targets: [0.1, 0.05]
+"""
     driven: ClassVar[bool] = False
     prefixes: ClassVar[None] = None
     distinct: ClassVar = ("panels", "targets")

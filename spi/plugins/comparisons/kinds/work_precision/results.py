@@ -170,7 +170,7 @@ class WorkPrecision(Stored):
                 Column("nonfinite", "di-\nverged", red=0),
             ],
         ),
-        OwnTable(lambda title, readings: _requested(readings)),
+        OwnTable(lambda title, readings, everything: _requested(readings)),
     )
 
     h: Array = axis("step size", "time")

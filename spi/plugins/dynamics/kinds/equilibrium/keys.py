@@ -1,7 +1,7 @@
 """Keys of an experiment of kind equilibrium."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -20,13 +20,13 @@ from spi.specs.cases import with_others
 from spi.specs.checks import ROUNDING, check_count, check_multiple
 from spi.specs.keys import Functions, condition, key_of, quantity, shown, wrong
 from spi.specs.names import CodeKeys, numbers_of
+from spi.specs.panels import check_further, panels_of, words
 from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 
 from .references import REFERENCES, derived_quantity
 from .results import PANELS, Equilibrium
 
-EquilibriumPanels = tuple[Literal[PANELS], ...]
 Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} if isinstance(value, str) else value)]
 
 _MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given
@@ -67,10 +67,20 @@ class Case(CodeKeys, LongCase):
     ) = Field(default_factory=dict)
     accuracy: key_of(Positive | None, "bias and standard error for which the table says step size and time") = None
     panels: key_of(
-        EquilibriumPanels,
-        f"what the figure shows, some of {', '.join(PANELS)}; default: means, histogram and autocorrelation",
+        panels_of("statistics", PANELS, 0),
+        f"what the figure shows, some of {', '.join(words('statistics', PANELS))}; "
+        "default: means, histogram and autocorrelation",
     ) = ()
 
+    example: ClassVar[str] = """\
+temperature: 1/4
+steps: 2^0 .. 2^-3
+final_time: 2^10
+schemes: [splitting_symmetric, splitting_metropolis]
+samples: 500
+functions: {energy: H, square: y3^2}
+reference: exact
+"""
     swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Equilibrium)
     scoping: ClassVar = ("functions", "derived")
@@ -184,4 +194,5 @@ class Case(CodeKeys, LongCase):
         """Case with the panels of its figure."""
         if "derived" in self.panels and not self.derived:
             raise wrong("has 'derived', and the key derived is missing", "add derived:", "panels")
+        check_further("statistics", self)
         return self if self.panels else self.model_copy(update={"panels": PANELS[:3]})
