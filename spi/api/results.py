@@ -3,7 +3,6 @@
 import difflib
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,9 +11,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from .. import storage, views
-from ..drawing import as_bytes, style
+from .. import views
+from ..drawing import style
 from ..running import finding
+from ..specs.figures import FIGURE_KEYS
 from ..statistics import claims
 from ..statistics.claims import orders_of
 from ..storage import records
@@ -26,7 +26,8 @@ from .specs import as_overrides, check_type, in_python
 # ---------------------------------------------------------------------------------------------------------------------
 
 if TYPE_CHECKING:
-    from ..drawing import Axes, Figure
+    from ..drawing import Axes
+    from ..drawing.layout import PanelFigure
 
 
 def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[str, Any]) -> "Axes":
@@ -280,10 +281,12 @@ class Results:
         """All numbers with their 95 % intervals: a table for each set of axes, by its name, the main one first."""
         return {name: pd.DataFrame(table.rows) for name, table in views.data_tables(self.stored).items()}
 
-    def plot(self, ax: "Axes | None" = None, quantity: str | None = None, **look: Any) -> "Figure | Axes":
+    def plot(self, ax: "Axes | None" = None, quantity: str | None = None, **look: Any) -> "PanelFigure | Axes":
         """Figure of these parts as ``spi plot`` draws it; in given axes the curve of each of them.
 
-        `look` is that of the figure: `style`, `width`, `height`, `font` and `font_size`, as in :func:`views.figure`.
+        `look` are the words of the figure, as in :func:`views.figure`: `panels`, `log`, `xlim`, `legend`, `size`, ...
+        The figure is one of matplotlib, to be changed and saved as any other: ``figure.panels`` are the axes of its
+        panels, from left to right and from above.
 
         A curve shows `quantity`, by default the error with its 95 % interval against the step size, or the state
         against time; `look` is then handed on to matplotlib.  Returns the figure, or the axes.
@@ -292,12 +295,10 @@ class Results:
         """
         if ax is not None:
             return draw_into(ax, self, quantity, look)
-        of_figure = {name: look.pop(name) for name in ("style", "width", "height", "font", "font_size") if name in look}
-        if ignored := [*([] if quantity is None else ["quantity"]), *look]:
+        ignored = [*([] if quantity is None else ["quantity"]), *(name for name in look if name not in FIGURE_KEYS)]
+        if ignored:
             raise ValueError(f"{', '.join(ignored)}: only for curves in given axes; give ax as well")
-        figure = views.figure(self.stored, **of_figure)
-        figure.__dict__["_repr_png_"] = partial(as_bytes, figure, "png")  # for notebooks that know not matplotlib
-        return figure
+        return views.figure(self.stored, **look)
 
     def __repr__(self) -> str:
         where = f", {self.path}" if self.path else ""
@@ -336,5 +337,5 @@ def load(
     check_type("results", path, (str, Path), "must be a results file, or the name of an experiment that was run")
     with in_python():
         wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})))
-        file = finding.results_file(Path(path), Path(results), wanted)
-        return Results(storage.read(file), file)
+        found = finding.found(Path(path), Path(results), wanted)
+        return Results(found.read(), found.path)

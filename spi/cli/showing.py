@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
+from ..specs.figures import read_figure
 from .options import (
     FAILED,
     INVALID,
@@ -17,15 +18,17 @@ from .options import (
     Several,
     complete_results,
     end,
+    figure_options,
+    found,
     of_plugins,
     run_options,
-    stored,
 )
 from .terminal import STOP, takes_all_characters, tell
 
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from ..running.finding import Found
     from ..storage.records import StoredResults
 
 
@@ -57,8 +60,8 @@ def show(
     if source is None:
         print_results(results)
         return
-    (file,) = stored([source], results, options)
-    stored_results = storage.read(file)
+    (one,) = found([source], results, options)
+    file, stored_results = one.path, one.read()
     with _about(file):
         if out is not None:
             files = views.exports(stored_results, file.stem, "csv" if format == "table" else format)
@@ -94,68 +97,58 @@ def _print_numbers(results: "StoredResults", name: str, format: str, table: str 
 
 
 @run_options("trust_code")
+@figure_options
 def plot(
     sources: Several = None,
     results: ResultsFolder = RESULTS,
     out: Annotated[Path | None, typer.Option(help="Folder of figures (default: that of the results).")] = None,
-    style: Annotated[
-        Literal["screen", "paper"],
-        typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf."),
-    ] = "screen",
-    width: Annotated[
-        str | None, typer.Option(help="Width of a figure: one or two (columns of a paper), or e.g. 5.125in, 130mm.")
-    ] = None,
-    height: Annotated[str | None, typer.Option(help="Height of a figure, e.g. 4.5in, 110mm.")] = None,
-    font: Annotated[str | None, typer.Option(help="Font: serif, sans or an installed TrueType family.")] = None,
-    font_size: Annotated[
-        float | None, typer.Option(help="Points of text (default: 9, in a paper 8); other letters in proportion.")
-    ] = None,
     film: Annotated[bool, typer.Option("--film", help="Also write a film of the states: <out>/<name>.gif.")] = False,
     *,
+    chosen: dict[str, Any],
     options: RunOptions,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
-    from .. import storage, views
-    from ..drawing import page
+    from .. import views
     from ..drawing.style import caption
 
-    look: dict[str, Any] = {"style": style, "width": width, "height": height, "font": font, "font_size": font_size}
     try:
-        page.named(**look)
+        read_figure(chosen)
     except ValueError as error:
-        end(INVALID, f"--{error}")
+        name, _, message = str(error).partition(": ")
+        end(INVALID, f"--{name.replace('_', '-')}: {message}")
 
-    def draw(path: Path) -> None:
-        stored_results = storage.read(path)
+    def draw(one: "Found") -> None:
+        path, stored_results = one.path, one.read()
         with _about(path):
-            figure = views.figure(stored_results, **look)
-        folder = out or path.parent
-        for written in views.save(figure, folder, path.stem if style == "screen" else f"{path.stem}_paper"):
+            words = views.chosen(stored_results, **chosen)
+            figure = views.figure(stored_results, **chosen)
+        folder, is_paper = out or path.parent, words.get("style") == "paper"
+        for written in views.save(figure, folder, f"{path.stem}_paper" if is_paper else path.stem):
             tell(f"wrote {written}")
-        if style == "paper":
+        if is_paper or words.get("title") is False:
             tell(f"caption: {caption(figure)}")
         if film:
             _write_film(path, stored_results, folder)
 
-    _each(draw, stored(sources, results, options))
+    _each(draw, found(sources, results, options))
 
 
-def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
-    """Act on every file; one of several that cannot be shown has a line, and ends the command when all are done."""
+def _each(act: Callable[["Found"], None], each: Sequence["Found"]) -> None:
+    """Act on all results; of several those that cannot be shown have a line, and end the command when all are done."""
     from .. import views
 
-    if len(paths) == 1:
-        act(paths[0])
+    if len(each) == 1:
+        act(each[0])
         return
     codes = []
-    for path in paths:
+    for one in each:
         try:
-            act(path)
+            act(one)
         except typer.Exit as ended:
             codes.append(ended.exit_code)
         except Exception as error:
             STOP.check()  # which may have become any other error
-            tell(f"spi: {views.problem(path, error)}")
+            tell(f"spi: {views.problem(one.path, error)}")
             codes.append(INVALID)
     if codes:
         raise typer.Exit(max(codes))

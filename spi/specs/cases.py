@@ -25,6 +25,7 @@ from ..ensemble.protocol import (
     has_bath,
     has_friction,
     large,
+    named_numbers,
     noise_indices,
     noises,
     parameters,
@@ -34,7 +35,7 @@ from ..ensemble.scheme_protocol import judges, needs_areas
 from ..exact.surfaces import casimir_form, semidefinite
 from ..expressions import as_numpy, canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..expressions.ranges import TAKEN, meaning_of, written_out
+from ..expressions.ranges import TAKEN, meaning_of, numbered, written_out
 from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
 from ..numerics.rng import MOST_NOISES
@@ -137,10 +138,14 @@ class FunctionKeys(CodeKeys):
 
 
 def with_others(case: Any, entries: Mapping[str, Any], key: str = "functions") -> dict[str, Any]:
-    """Entries of a key of formulas by name, names of others being their formulas.
+    """Entries of a key of formulas by name, names of others being their formulas, and ranges one function each.
 
     A function may be called like what it is, as in {H: H}, but not like something else that formulas can name.
     """
+    try:
+        entries = numbered(entries, named_numbers(undamped(case.model))) if key == "functions" else entries
+    except NumberError as error:
+        raise wrong(f"cannot be written out: {error}", "write a range as in {x: x(i) for i = 1..3}", key) from None
     for name, text in entries.items() if key == "functions" else ():
         if name not in TAKEN and (meaning := meaning_of(name)) and str(text).strip() != name:
             raise wrong(f"is called '{name}', {meaning} in formulas", "take another name", "functions", name)
@@ -185,6 +190,8 @@ class BaseCase(Keys):
         "areas": "exact",
         "python": None,
     }
+    #: The keys that only figures and tables read.  They are no part of what identifies results.
+    looks: ClassVar[frozenset[str]] = frozenset(["title", "panels"])
     distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
     at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion

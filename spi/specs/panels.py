@@ -29,8 +29,8 @@ def words(kind: str, own: Sequence[str]) -> tuple[str, ...]:
     return (*own, *(word for first, _, word in names if first == kind))
 
 
-def panels_of(kind: str, own: Sequence[str]) -> Any:
-    """Annotation of the key ``panels`` of a kind."""
+def panels_of(kind: str, own: Sequence[str], least: int = 1) -> Any:
+    """Annotation of the key ``panels`` of a kind, which has `least` words."""
 
     def check(value: Any) -> Any:
         for i, word in enumerate(value if isinstance(value, list) else ()):
@@ -38,7 +38,7 @@ def panels_of(kind: str, own: Sequence[str]) -> Any:
         return value
 
     known: Any = Literal[words(kind, own)]
-    return Annotated[tuple[known, ...], MinLen(1), BeforeValidator(check)]
+    return Annotated[tuple[known, ...], MinLen(least), BeforeValidator(check)]
 
 
 def check_further(kind: str, case: Any) -> None:

@@ -660,9 +660,20 @@ def _value(field: Field, group: Group, outer: Meaning) -> Any:
     if field.is_record:
         there = _is_there(field, group)
         return field.type(**_taken(field.type, group, field.meaning)) if there or not field.optional else None
-    if field.is_mapping:
-        prefix = field.meaning.prefix
-        return {key.removeprefix(prefix): it for key, it in group.attributes.items() if key.startswith(prefix)}
+    return _entries(group, field.meaning.prefix) if field.is_mapping else _stored(field, group, outer)
+
+
+def _entries(group: Group, prefix: str) -> dict[str, Any]:
+    """Attributes whose names begin alike, in whose tuples None, a noise that is off, is stored as NaN."""
+
+    def read(value: Any) -> Any:
+        return tuple(None if x != x else x for x in value) if isinstance(value, tuple) else value
+
+    return {name.removeprefix(prefix): read(it) for name, it in group.attributes.items() if name.startswith(prefix)}
+
+
+def _stored(field: Field, group: Group, outer: Meaning) -> Any:
+    """Value of a field that is no record of its own."""
     names = stored_names(field, outer.prefix)
     held: Any = group.arrays | group.coordinates if field.is_array or field.is_order else group.attributes
     if names[0] not in held and (field.optional or field.default is not MISSING):

@@ -1,6 +1,7 @@
 """Stored results as readings, tables and figures, by the kind of experiment that they are of."""
 
 import difflib
+import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
@@ -12,6 +13,7 @@ from ..printing.rows import DataTable, tables_of
 from ..printing.tables import StyledText, TextTable, printed, show_items
 from ..printing.text import new_console, printable
 from ..specs.document import Document, SpecError
+from ..specs.figures import read_figure
 from ..statistics import claims
 from ..statistics.curves import Curve, curves
 from ..storage import StorageError, write_all
@@ -21,6 +23,7 @@ from ..storage.stored import Stored, by_case
 if TYPE_CHECKING:
     from ..drawing import Figure
     from ..drawing.film import Film
+    from ..drawing.layout import PanelFigure
 
 
 #: What of a reading is told above its figure.
@@ -36,19 +39,22 @@ class SweptCase(NamedTuple):
     curves: list[Curve]
 
 
-def wholes(read: Sequence[Stored]) -> list[SweptCase]:
-    """Cases that are swept, in the order of the file; none if no parameter is."""
+def wholes(read: Sequence[Stored], of: Sequence[str] = ()) -> list[SweptCase]:
+    """Cases that are swept, in the order of the file, with curves of some quantities; none if no parameter is."""
     swept = [one for one in read if one.about.swept]
     return [
-        _whole([one for one in swept if one.about.owner == owner])
+        _whole([one for one in swept if one.about.owner == owner], of)
         for owner in dict.fromkeys(one.about.owner for one in swept)
     ]
 
 
-def _whole(read: list[Stored]) -> SweptCase:
+def _whole(read: list[Stored], of: Sequence[str]) -> SweptCase:
     swept: Any = read[0].about.swept
     quantities = [one for case in by_case(read) for one in claims.quantities(case)]
-    shown = [curve for curve in curves(quantities, swept.of or read[0].headline) if curve.is_known]
+    known = dict.fromkeys(one.name for one in quantities)
+    if unknown := next((name for name in of if name not in known), None):
+        raise ValueError(f"panels: has '{unknown}'; of a sweep they are quantities: {', '.join(known)}")
+    shown = [curve for curve in curves(quantities, of or swept.of or read[0].headline) if curve.is_known]
     return SweptCase(swept.owner, swept.title, read, shown)
 
 
@@ -213,35 +219,36 @@ def by_cases(
         yield list(printed(heading, case, everything)), [one for one in judged if one.claim.case == case[0].about.case]
 
 
-def figure(
-    results: StoredResults,
-    style: str = "screen",
-    width: str | float | None = None,
-    height: str | float | None = None,
-    font: str | None = None,
-    font_size: float | None = None,
-) -> "Figure":
-    """Matplotlib figure of results.
+def chosen(results: StoredResults, **given: Any) -> dict[str, Any]:
+    """What is chosen of the figure of results: by the key ``figure`` of their spec, and above that what is given.
 
-    It is as wide and high as its panels want to be, or as ``width`` and ``height`` say, in inches or as in "130mm";
-    ``width`` may be "one" (3.35 inches) or "two" (7 inches) columns of a paper.  Its text has ``font_size`` points (by
-    default 9), other letters in proportion, of the ``font`` "serif", "sans" (by default) or an installed TrueType
-    family.  In the style "paper" it is one column wide and its text has 8 points of "serif" by default; title and
-    parameters are then left to the caption, see ``spi.drawing.style.caption``.  ValueError if there is no figure for
-    their kind, nothing to draw, no room for the panels, or no such style, width, height, font or size.
+    ValueError, with the reason, about a word that is none of ``spi.specs.figures.FIGURE_KEYS``, or its value.
+    """
+    stored = json.loads(results.attributes.get("figure_keys") or "{}")
+    return read_figure(stored) | read_figure(given)
+
+
+def figure(results: StoredResults, **given: Any) -> "PanelFigure":
+    """Matplotlib figure of results; its ``panels`` are the axes of its panels.
+
+    It is as wide and high as its panels want to be.  The words that may be given, those of ``FIGURE_KEYS`` in
+    ``spi.specs.figures``, are the options of ``spi plot`` and the keys of ``figure`` in a spec: ``panels``, ``log``,
+    ``xlim``, ``width``, ...  In the style "paper" it is one column wide and its text has 8 points of "serif" by
+    default; title and parameters are then left to the caption, see ``spi.drawing.style.caption``.  ValueError if there
+    is no figure for their kind, nothing to draw, no room for the panels, or if a word or its value is wrong.
     """
     from ..drawing import fitting, page
 
     kind: Any = results.attributes.get("kind")
     if kind not in KINDS:
         raise ValueError(f"there is no figure for results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
-    read = readings(results)
+    read, words = readings(results), chosen(results, **given)
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to draw")
-    with page.applied(page.named(style, width, height, font, font_size)):
-        heading = title(results, read)
-        over = wholes(read)
-        drawn = (
+    with page.applied(page.named(**words)):
+        heading = words.get("title") or title(results, read)
+        over = wholes(read, words.get("panels", ()))
+        drawn: PanelFigure = (
             _swept_figure(kind, heading, over, results.attributes.get("spec", ""))
             if over
             else KINDS[kind].figure.draw(heading, by_case(read))
@@ -250,14 +257,21 @@ def figure(
         return drawn
 
 
-def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "Figure":
+def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
-    from ..drawing.sweeps import draw, draw_maps
+    from ..drawing import page
+    from ..drawing.sweeps import draw, draw_maps, each_value
 
     drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
-    sorts = KINDS[kind].keys.Case.quantities
+    sorts, over = KINDS[kind].keys.Case.quantities, page.current().chosen.get("overlay")
+    if over and all(curve.second_word == over for _, curves, _ in drawn for curve in curves):
+        drawn = [
+            (name, [line for curve in curves for line in each_value(curve)], facts) for name, curves, facts in drawn
+        ]
+        with page.without("overlay"):
+            return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
     if any(curve.second_word for _, curves, _ in drawn for curve in curves):
         return draw_maps(title, drawn, sorts)
     return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))

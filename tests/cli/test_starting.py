@@ -13,6 +13,7 @@ from strong_results import strong, strong_group
 from spi import storage
 from spi.cli import showing
 from spi.kinds import KINDS
+from spi.plugins import offers
 from spi.running import shipped
 from spi.running.run import load
 from spi.specs import SpecError
@@ -35,16 +36,17 @@ def test_experiments_that_come_with_the_program_are_found_by_name():
     code, out, err = call("check", "rigid_body_strong")
     assert (code, err) == (0, "") and out.startswith("rigid_body_strong: valid")
     assert refusal("check", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong: --seed: seed: is 'x'")
-    assert refusal("answer", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong.answer: --seed")
+    path = shipped.path_of("rigid_body_strong")  # what is given by its path is called by it
+    assert refusal("check", str(path), "--seed=x").startswith(f"spi: {path}: --seed")
+    Path("rigid_body_strong").write_text("kind: nonsense")  # a file of that name goes first
+    assert refusal("check", "rigid_body_strong").startswith("spi: rigid_body_strong:1: kind: is 'nonsense'")
+    Path("rigid_body_strong").unlink()
     assert refusal("merge", "rigid_body_strong") == (
         f"spi: {Path('results/sums')}: no shards of rigid_body_strong here; "
         "`spi run rigid_body_strong --shard 1/4` computes the first of four\n"
     )
-    path = shipped.path_of("rigid_body_strong")  # what is given by its path is called by it
-    assert refusal("check", str(path), "--seed=x").startswith(f"spi: {path}: --seed")
+    assert refusal("answer", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong.answer: --seed")
     assert refusal("answer", str(path), "--seed=x").startswith(f"spi: {path.parent}")
-    Path("rigid_body_strong").write_text("kind: nonsense")  # a file of that name goes first
-    assert refusal("check", "rigid_body_strong").startswith("spi: rigid_body_strong:1: kind: is 'nonsense'")
 
 
 @pytest.mark.parametrize("name", ["rigid_body_stron", "rigid_body_stron.yaml"])
@@ -65,7 +67,7 @@ def test_a_command_without_its_experiment_says_what_to_give(command):
 
 
 def test_stored_results_are_found_by_name():
-    for command in ("show", "plot", "verify"):
+    for command in ("show", "plot", *offers("commands").keys() & {"verify"}):
         assert refusal(command, "mine").startswith("spi: results/mine.h5: no such file; give a file of results")
         missing = "spi: results/rigid_body_strong.h5: no such file; `spi run rigid_body_strong` writes it\n"
         assert refusal(command, "rigid_body_strong") == missing
@@ -92,7 +94,7 @@ def test_help_fits_80_columns_and_no_command_is_told_by_half_a_sentence(monkeypa
     code, out, err = call("--help")
     assert (code, err) == (0, "")
     commands = re.findall(r"^  ([a-z]+) +[A-Z]\S* ", out, re.MULTILINE)
-    assert {"run", "list", "new", "plot", "show", "verify", "check", "doctor"} <= set(commands)
+    assert {"run", "list", "new", "plot", "show", "check", "doctor", *offers("commands")} <= set(commands)
     assert re.findall(r"^(\S.*):$", out, re.MULTILINE) == ["Options", "Begin", "Compute", "Look at results", "More"]
     assert "...\n" not in out.partition("Options:")[2] and max(map(len, out.splitlines())) <= 80
     for command in commands:

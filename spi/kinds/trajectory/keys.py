@@ -76,6 +76,7 @@ panels: [casimirs, hamiltonian, components]
 """
     scoping: ClassVar = ("functions",)
     neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"times", "functions", "section", "python"}
+    looks: ClassVar[frozenset[str]] = StepCase.looks | {"times"}
     unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "save": (), "times": (), "functions": {}, "section": None}
     quantities: ClassVar = claimable(Trajectory)
 

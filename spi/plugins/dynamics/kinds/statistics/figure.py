@@ -8,6 +8,7 @@ import numpy as np
 from spi.drawing import panels, plots, style
 from spi.expressions import as_numpy, parse_expression
 from spi.plugins.dynamics.drawing import maps
+from spi.specs.panels import Panels
 from spi.statistics.estimators import RESOLVED
 
 from .results import Statistics
@@ -247,4 +248,4 @@ PANELS: dict[str, Any] = {
     "maps": [maps.MapPanel("density_map", _map, "law", "Gibbs law, exp($-H/T$)")],
 }
 
-draw = panels.Figures(PANELS, ("samples", "step"))
+draw = panels.Figures(Panels("statistics", PANELS), ("samples", "step"))

@@ -15,3 +15,10 @@ def _fault(case: Any) -> str:
 VORTICITY = Further(f"{_FIGURE}:VORTICITY", _fault)
 SPECTRUM = Further(f"{_FIGURE}:SPECTRUM", _fault, f"{_NUMBERS}:spectra")
 ENSTROPHY = Further(f"{_FIGURE}:ENSTROPHY", _fault, f"{_NUMBERS}:enstrophies")
+
+
+def _tracer_fault(case: Any) -> str:
+    return "" if geometry(case.model).get("tracers") else "is for zeitlin with tracers"
+
+
+TRACER = Further(f"{_FIGURE}:TRACER", _tracer_fault)
