@@ -68,6 +68,8 @@ def show(
             storage.write_all({out / name: content for name, content in files.items()})
             for name in files:
                 tell(f"wrote {out / name}")
+            if format == "latex":
+                tell(f"tables of more than {views.MOST_LATEX_ROWS} rows are written as CSV or JSON only")
             return
         names = [*views.data_tables(stored_results)]
         if format == "table" and table is None:

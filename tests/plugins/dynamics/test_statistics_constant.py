@@ -1,17 +1,21 @@
 """Statistics of what is constant up to rounding: that constant, and nothing that is made of roundings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from helpers import loop_in_python
+from filled_results import filled
+from helpers import loop_in_python, printed
 from states import finished
 from statistics_cases import results_of, written
 
+from spi import views
 from spi.plugins.dynamics.kinds.statistics import study
 from spi.plugins.dynamics.kinds.statistics.figure import PANELS
 from spi.running.load import load
 from spi.statistics.claims import CONFIRMED, CONSISTENT, INCONCLUSIVE, judge, quantities
 from spi.statistics.rounding import rounding
-from spi.storage import Part
+from spi.storage import Part, StoredResults
 
 ENSTROPHY = 0.4725  # that of the issue
 FUNCTIONS = "functions={enstrophy: 0.4725*(y1^2+y2^2+y3^2), gone: C1 - 1, square: y1^2, tail: 1 + tanh(100*(2 - y1))}"
@@ -115,3 +119,13 @@ def test_no_claim_about_a_constant_is_contradicted_by_rounding(tmp_path):
     verdicts = {one.claim.quantity: one.verdict for one in judge(case.claims, quantities([results_of(case)]))}
     near = {"mean": CONSISTENT, "quantile": CONSISTENT, "variance": CONSISTENT}
     assert verdicts == near | {"autocorrelation": INCONCLUSIVE, "deviation": CONFIRMED}
+
+
+def test_of_stationary_paths_spectra_are_shown_first_and_each_mean_once():
+    results = StoredResults({"kind": "statistics", "title": ""}, (filled("statistics"),))
+    (reading,) = views.readings(results)
+    assert [*reading.shown_places] == [(0, 3), (1, 3)]
+    text = printed(results)
+    assert text.index("structure factor") < text.index("correlations in time") < text.index("mean (95 %)")
+    moving = replace(reading, time=None, rounding=None)
+    assert len([*moving.shown_places]) == 2 * 4
