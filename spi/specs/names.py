@@ -18,7 +18,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import pydantic
 
-from spi.numerics.types import Array
+from spi.numerics.types import Array, FunctionFamily
 
 from ..compiler.dispatch import answers
 from ..ensemble.observer import energies, invariants_of
@@ -33,7 +33,7 @@ from ..ensemble.protocol import (
     named_numbers,
     observables,
 )
-from ..expressions import Family, Observable
+from ..expressions import Observable
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import meaning_of
 from ..models.delegation import undamped
@@ -99,7 +99,7 @@ def named_in(text: str, model: Any, variables: Iterable[str] = (), code: Code | 
     named = ChainMap(own_code, named)
     values = {word: named[word] for word in _WORD.findall(text) if word in named}
     values |= {name: _invariant(model, match[1]) for name, match in found.items() if name not in named}
-    each = {name: f if isinstance(f, Family) else Observable(name, f) for name, f in values.items()}
+    each = {name: f if isinstance(f, FunctionFamily) else Observable(name, f) for name, f in values.items()}
     return {**named_numbers(own), **each}
 
 

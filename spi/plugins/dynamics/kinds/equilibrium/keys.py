@@ -48,8 +48,8 @@ class Case(CodeKeys, LongCase):
     ) = Field(default_factory=dict)
     derived: key_of(
         Functions,
-        "by name an expression in the means of functions, T and the numbers of the model (n sites of spins), as in "
-        "{binder: 1 - m4/(3*m2^2)}, with errors by the jackknife",
+        "by name an expression in the means of functions, T and the numbers of the model (n, the number of sites), as "
+        "in {binder: 1 - m4/(3*m2^2)}, with errors by the jackknife",
     ) = Field(default_factory=dict)
     burn_in: key_of(NonNegative | None, "time that does not count for functions; default: a fifth", "time") = None
     spacing: key_of(
