@@ -95,7 +95,7 @@ def written(data):
 
 
 GRID, LATTICE = "must have as many columns as rows, at least 101; or one dimension", "is a vorticity on"
-NONE = "is 'y.npy', which is no array; give a file that numpy.save wrote, of real or complex numbers in one or two"
+NONE = "is 'y.npy', which is no array; give a file that numpy.save wrote, of real or complex numbers"
 CLAIMS = np.lib.format.magic(1, 0) + b"\x76\x00{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000,)}"
 
 
@@ -107,7 +107,8 @@ CLAIMS = np.lib.format.magic(1, 0) + b"\x76\x00{'descr': '<f8', 'fortran_order':
         (saved(np.zeros((99, 99))), f"{LATTICE} 99 x 99 points; {GRID}"),
         (saved(np.array([1.0, np.nan])), "is 'y.npy', which is not finite at [1]; all numbers must be finite"),
         (saved(np.array(["a"])), NONE),
-        (saved(np.zeros((2, 2, 2))), NONE),
+        (saved(np.zeros((2, 2, 2))), f"{LATTICE} 2 x 2 x 2 points; {GRID}"),
+        (saved(np.zeros((1,) * 6)), NONE),
         (saved(np.zeros((0,))), NONE),
         (written(b"[1, 2]"), NONE),
         (written(CLAIMS.ljust(128) + bytes(80)), NONE),
