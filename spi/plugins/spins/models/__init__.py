@@ -18,12 +18,14 @@ from spi.ensemble.protocol import dimension, flow_ns, noises, pieces
 from spi.models.delegation import answering_as_inner
 
 from .cells import call_of_sums
+from .driving import Course, is_driven
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
-from .tables import tables
+from .tables import in_kernels
 from .whole import SampledGibbs, WholeLattice
 
 Vector = tuple[float, float, float]
+Field = tuple[Course, Course, Course]
 _MOST_NAMED = 4096  # sites whose components have names in formulas
 _MOST_SITES = 2**24  # channels of the random numbers
 _SWEEPS = 1000  # over a lattice, by which a state of the Gibbs law is drawn
@@ -75,7 +77,9 @@ class Spins(NamedTuple):
     ]
     size: Annotated[tuple[Annotated[int, Ge(1)], ...], Len(1, 3), "cells along each vector"]
     bonds: Annotated[tuple[Terms, ...], "terms of bonds, as in {exchange: 1}, or a list by types of bonds"] = ()
-    field: Annotated[Vector | tuple[Vector, ...], "the field B of every site, or of the sites of a cell"] = (
+    field: Annotated[
+        Field | tuple[Field, ...], "the field B of every site, or of the sites of a cell; numbers, or functions of t"
+    ] = (
         0.0,
         0.0,
         0.0,
@@ -116,7 +120,7 @@ class Spins(NamedTuple):
         return dimension(model) // (1 if model.noise.axis is None else 3)
 
     def in_kernels(model):
-        return tables(model, math.inf)
+        return in_kernels(model, math.inf)
 
     def at_temperature(model, temperature):
         return ThermalSpins(model, temperature)
@@ -136,7 +140,7 @@ class Spins(NamedTuple):
         return [call_of_sums(model)]
 
     def one_path(model, scheme, h):
-        return WholeLattice.of(model, math.inf, scheme, h)
+        return None if is_driven(model) else WholeLattice.of(model, math.inf, scheme, h)
 
     def gibbs_law(model, temperature, sweeps):
         return SampledGibbs(model, temperature, sweeps or _SWEEPS)
@@ -213,10 +217,10 @@ class ThermalSpins(NamedTuple):
         return dimension(model.model)
 
     def in_kernels(model):
-        return tables(model.model, model.temperature)
+        return in_kernels(model.model, model.temperature)
 
     def one_path(model, scheme, h):
-        return WholeLattice.of(model.model, model.temperature, scheme, h)
+        return None if is_driven(model.model) else WholeLattice.of(model.model, model.temperature, scheme, h)
 
 
 def _fault(model):
