@@ -14,5 +14,8 @@ PLUGIN = Plugin(
     commands={"export": "spi.plugins.spins.command:COMMAND"},
     further={"dynamics.waves": "spi.plugins.spins.kinds.statistics.waves:WAVES"},
     films={"lattice": "spi.plugins.spins.kinds.trajectory.figure:FILM"},
-    panels={"trajectory.spins": "spi.plugins.spins.kinds.trajectory.words:SPINS"},
+    panels={
+        "trajectory.spins": "spi.plugins.spins.kinds.trajectory.words:SPINS",
+        "trajectory.loop": "spi.plugins.spins.kinds.trajectory.words:LOOP",
+    },
 )

@@ -72,7 +72,11 @@ class Spins(NamedTuple):
     """A lattice of classical spins, states (x, y, z) of site after site, of length 1."""
 
     lattice: Annotated[
-        Literal["chain", "ring", "square", "triangular", "honeycomb", "cubic", "bcc"] | Cell,
+        Literal[
+            *("chain", "ring", "square", "triangular", "honeycomb", "cubic", "bcc", "kagome"),
+            *("ring_j1_j2", "square_j1_j2", "honeycomb_j1_j2"),
+        ]
+        | Cell,
         "the lattice, or a cell of your own with sites, vectors and bonds",
     ]
     size: Annotated[tuple[Annotated[int, Ge(1)], ...], Len(1, 3), "cells along each vector"]
