@@ -22,7 +22,7 @@ LONGEST ?=
 ROOM ?=
 TESTS = $(ROOM:%=tests/%)
 
-.PHONY: help install demo test test-all test-core test-uncompiled test-bounds test-oldest test-next lint check docs wheel figures gallery bench bench-peers clean $(EXPERIMENTS)
+.PHONY: help install demo test test-all test-core test-uncompiled test-bounds test-oldest test-next lint check docs wheel figures paper gallery bench bench-peers clean $(EXPERIMENTS)
 
 help: ## list the targets
 	@awk -F ':.*## ' '/^[a-z-]+:.*## / { printf "  %-26s %s\n", $$1, $$2 }' Makefile
@@ -101,6 +101,10 @@ wheel: $(INSTALLED_TEST) ## the source archive and the wheel, in dist/
 
 figures: $(EXPERIMENTS) ## run and plot every experiment
 
+paper: $(INSTALLED) ## run and plot all 17 figures of the paper, in results/paper (40 minutes on two cores)
+	$(SPI) run --group paper --out results/paper
+	$(SPI) plot --results results/paper
+
 gallery: $(INSTALLED) ## run every experiment into GALLERY (80 minutes on two cores) and draw all pictures of docs/; goes on where it stopped
 	$(BIN)/python docs/generate/gallery.py $(GALLERY) $(if $(LONGEST),--longest $(LONGEST))
 
@@ -115,5 +119,5 @@ bench-peers: $(INSTALLED) ## time at equal error against diffrax and torchsde, w
 	$(BIN)/python benchmarks/peers.py
 
 clean: ## remove results, caches and the virtual environment
-	rm -rf results site .venv $(OLDEST) $(NEXT) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
+	rm -rf $(filter-out results/README.md,$(wildcard results/*)) site .venv $(OLDEST) $(NEXT) build dist *.egg-info .pytest_cache .ruff_cache .hypothesis
 	find spi tests benchmarks -name __pycache__ -type d -prune -exec rm -rf {} +

@@ -5,7 +5,7 @@
 prints a table: processor seconds of each answer, and s where it is solved for, m where it is sampled, ! where the
 accuracy is not reached; in brackets the seconds that were predicted, where they were.  Compiling is left out.
 
-Supports: docs/answer.md, "How long a solution takes".
+Supports: docs/appendix/answer.md, "How long a solution takes".
 
 Short form: --accuracies 1e-2
 """

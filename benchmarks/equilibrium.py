@@ -10,7 +10,7 @@ The second has the bias of schemes without Metropolis steps, by a fifth of the p
 last column is what `spi check` says of the run, and the processor seconds that it takes.  The third has `ns_per_step`
 with and without the temperature.
 
-Supports: docs/temperature.md, the tables of Metropolis steps, of the bias, and of "Cost"; times of steps.
+Supports: docs/appendix/temperature.md, the tables of Metropolis steps, of the bias, and of "Cost"; times of steps.
 
 Short form: --samples 10000 --schemes splitting_symmetric
 """

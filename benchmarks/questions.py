@@ -10,7 +10,7 @@ without that of the pilot, over that of the best fixed choice: plain Monte Carlo
 step, largest step and extrapolation, by the variances, biases and times that were measured.  Results are added to the
 JSON file, so that many runs make one table.
 
-Supports: docs/answer.md, "How reliable it is".
+Supports: docs/answer.md and docs/appendix/answer.md, "How reliable it is".
 
 Short form: --count 1 --accuracies 1e-2
 """

@@ -6,7 +6,7 @@ Runs are `spi.run` and, for shards, `spi run --shard`, of the spec below, whose 
 processes counts.  Each is the least of three, and efficiencies are over one thread.  Beside the run on one thread
 stands what `spi check` says.  A machine with more processors than two takes larger SAMPLES (100000) to tell anything.
 
-Supports: docs/long_runs.md, "Cost".
+Supports: docs/appendix/long_runs.md, "Cost of workers and shards".
 
 Short form: 1000
 """

@@ -11,10 +11,11 @@ from spi.ensemble.increments import RandomStream
 from spi.ensemble.loop import arguments_of, grid, integrate, use_threads
 from spi.ensemble.observer import path_observer
 from spi.expressions import parse_expression
-from spi.kinds.blocks import values_of_blocks
+from spi.kinds.blocks import values_at_end
 from spi.numerics.rng import BROWNIAN, LANES
 from spi.schemes import SCHEMES
 from spi.statistics.estimators import GROUPS, with_powers
+from spi.statistics.tallies import Batch
 
 STEPS = 2048
 NOISE = RandomStream(np.uint64(1), np.uint64(BROWNIAN))
@@ -34,11 +35,11 @@ def weak_work(model, initial, blocks, steps):
     functions = (parse_expression("sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)", type(model).dimension),)
     case = SimpleNamespace(expressions=functions)
     plan = SimpleNamespace(scheme=SPLITTING, model=model, initial=initial, case=case)
-    times = grid(STEP, steps)
+    times, batch = grid(STEP, steps), Batch.of_first(blocks)
 
     def work():
-        values, _ = values_of_blocks(plan, times, NOISE, 0, blocks, blocks * LANES)
-        with_powers(np.zeros((2, 1, 1, GROUPS)), values, 0, blocks * LANES)
+        values, _ = values_at_end(plan, times, NOISE, batch)
+        with_powers(np.zeros((2, 1, 1, GROUPS)), values, batch)
 
     return work
 

@@ -9,7 +9,7 @@ the whole of `spi.run` takes.  All times are those of the processor; those of a 
 
 Supports: README.md ("Speed, and when not to use it"), docs/performance.md (table of steps), docs/why.md (naive loop),
 docs/own_schemes.md (Heun beside the splitting, by `heun`), docs/statistics.md (--every 1 and 4),
-docs/literature_schemes.md (--schemes roessler_rs2 splitting_order2 splitting_symmetric, and those with areas).
+docs/appendix/literature_schemes.md (--schemes roessler_rs2 splitting_order2 splitting_symmetric, and those with areas).
 
 Short form: rigid_body --schemes splitting
 """

@@ -11,7 +11,7 @@ bias^2 + standard error^2 <= error^2; their time is `ns_per_step` times the step
 scheme, whose expectations are not known without sampling, are found with points.  The last line of an error is
 `spi.answer`, sampled, whose 95 % interval is as wide: what it chose, and the seconds that it said and took.
 
-Supports: docs/extrapolation.md, "In sampling"; docs/quasi.md, "With extrapolation".
+Supports: docs/appendix/extrapolation.md, "In sampling"; docs/quasi.md, "With extrapolation".
 
 Short form: --errors 1e-2 --longest 0.1 --finest 3
 """

@@ -5,7 +5,8 @@ time, above 1 where differences are better, and the distance of the two estimate
 
     python benchmarks/weak_differences.py experiments/weak_agreement.yaml splitting euler_maruyama --set seconds=8
 
-Supports: docs/weak_errors.md, the standard errors of levels over those of differences. It runs the plans of `spi run`.
+Supports: docs/appendix/weak_errors.md, the standard errors of levels over those of differences. It runs the plans of
+`spi run`.
 
 Short form: experiments/weak_agreement.yaml splitting --set seconds=0.2
 """

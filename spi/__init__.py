@@ -45,7 +45,8 @@ def __getattr__(name):
         return getattr(importlib.import_module(f"{__name__}.{_OFFERED[name]}"), name)
     plugins = importlib.import_module(f"{__name__}.plugins")
     if name.startswith("_") or name not in plugins.offers("offered"):
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+        remedy = plugins.lacking("offered", name)
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}" + (f"; {remedy}" if remedy else ""))
     return plugins.imported(plugins.offers("offered")[name])
 
 

@@ -10,8 +10,6 @@ import numpy as np
 from states import sums_files
 
 from spi import storage
-from spi.plugins.answers.running import load_answer
-from spi.plugins.clusters.running import shards
 from spi.running import run as runner
 from spi.running.checkpoint import Shard
 from spi.running.run import Limits, Stopped, Watch, load
@@ -39,8 +37,10 @@ CHECKPOINT_SECONDS = 0.05
 def experiment(kind):
     """The experiment of a kind."""
     name, overrides = RUNS[kind]
-    path = EXPERIMENTS / f"{name}.yaml"
-    return load_answer(path, "quick", overrides) if kind == "answer" else load(path, "quick", overrides)
+    path, of_kind = EXPERIMENTS / f"{name}.yaml", load
+    if kind == "answer":
+        from spi.plugins.answers.running import load_answer as of_kind
+    return of_kind(path, "quick", overrides)
 
 
 def numbers(path):
@@ -130,6 +130,8 @@ def interrupted(experiment, out):
 
 def in_shards(experiment, out):
     """The results file of three shards that are merged, as often as it takes."""
+    from spi.plugins.clusters.running import shards
+
     while True:
         for number in (3, 1, 2):
             shards.run_shard(experiment, Shard(number, 3), out)

@@ -20,7 +20,6 @@ from own_models import OSCILLATOR
 
 from spi import storage
 from spi.kinds import KINDS
-from spi.plugins.clusters.running.verify import TIMES
 from spi.running import run as runner
 from spi.running.checkpoint import sums_keys
 from spi.running.load import plans
@@ -277,16 +276,21 @@ def changes(kind):
                 yield Change(key, before, after)
 
 
+#: What the names of times have in them, and of what else differs from run to run.
+TIMED = ("seconds", "ns_per_step", "cost_rate", "threads")
+
+
+def contents(group):
+    """All that a group holds of what no clock decides, by name."""
+    arrays = {name: ((name,), values) for name, values in group.coordinates.items()} | group.variables
+    told = {name: repr(value) for name, value in group.attributes.items()}
+    told |= {name: (axes, v.dtype, v.shape, v.tobytes()) for name, (axes, v) in arrays.items()}
+    return {name: one for name, one in told.items() if not any(time in name for time in TIMED)}
+
+
 def everything(path):
-    """All that a results file holds of what no clock decides."""
-    found = {}
-    for group in storage.read(path).groups:
-        arrays = {name: ((name,), values) for name, values in group.coordinates.items()} | group.variables
-        told = {name: repr(value) for name, value in group.attributes.items()}
-        told |= {name: (axes, v.dtype, v.shape, v.tobytes()) for name, (axes, v) in arrays.items()}
-        timed = (*TIMES, "threads")
-        found |= {(group.name, name): one for name, one in told.items() if not any(time in name for time in timed)}
-    return found
+    """The same of all groups of a results file."""
+    return {(group.name, name): one for group in storage.read(path).groups for name, one in contents(group).items()}
 
 
 def digests(experiment, answers=True):
@@ -303,7 +307,8 @@ INVALID, ANEW, EQUAL, DIFFERENT = "invalid", "anew", "equal", "DIFFERENT"
 def run(experiment, folder, **options):
     """The results file of an experiment; where times are measured, which nothing compares, of one block each."""
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("spi.plugins.comparisons.kinds.work_precision.study._PATH_STEPS", 1)
+        if experiment.kind == "work_precision":
+            patch.setattr("spi.plugins.comparisons.kinds.work_precision.study._PATH_STEPS", 1)
         return runner.run(experiment, folder, **options)
 
 

@@ -6,12 +6,12 @@ from typing import Any
 import numpy as np
 
 from spi.drawing.panels import CurvePanel, Figures
-from spi.kinds.blocks import BlocksPlan, lanes_of
+from spi.kinds.blocks import SampledPlan, lanes_of
 from spi.kinds.plans import each_scheme
 from spi.printing.tables import Column, Table
 from spi.specs.cases import FunctionKeys, StepCase
 from spi.specs.keys import Samples, key_of
-from spi.statistics.accumulators import Array, Sums, moments
+from spi.statistics.accumulators import Array, Batch, Sums, moments
 from spi.statistics.claims import claimable
 from spi.storage.stored import Stored, array, axis, fact
 
@@ -40,14 +40,14 @@ class SpreadSums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpreadPlan(BlocksPlan):
+class SpreadPlan(SampledPlan):
     record, sums = Spread, SpreadSums
 
     def lengths(self, number: int) -> dict[str, int]:
         return {"function": len(self.phis), "time": 1 + self.grid.reference_steps}
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        y = np.moveaxis(lanes_of(self.recorded(first, blocks, end)[0], len(self.initial)), 2, 0)
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        y = np.moveaxis(lanes_of(self.recorded(batch)[0], len(self.initial)), 2, 0)
         return {"values": np.stack([phi(y) for phi in self.phis], axis=1)}
 
     def estimates(self, sums: SpreadSums) -> dict[str, Any]:

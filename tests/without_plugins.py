@@ -15,7 +15,7 @@ from pathlib import Path
 from spi.plugins import installed
 
 ROOT = Path(__file__).parents[1]
-COPIED = ("spi", "tests", "experiments", "docs", "benchmarks")
+COPIED = ("spi", "tests", "experiments", "docs", "benchmarks", "paper", ".github")
 
 
 def left_out(names):

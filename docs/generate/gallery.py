@@ -109,7 +109,7 @@ _VISIBLE, _CHANGED = 16, 2e-4
 
 def picture(results: StoredResults, style: str = "screen") -> bytes:
     """The figure as a PNG, with the profile of the results."""
-    figure = views.figure(results, style)
+    figure = views.figure(results, style=style)
     width = figure.get_figwidth()
     dpi = max(LEAST / width, min(DPI[1], max(DPI[0], WIDTH / width)))
     return small(as_bytes(figure, "png", dpi=dpi), results.attributes["profile"])

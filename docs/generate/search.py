@@ -16,14 +16,14 @@ from typing import Any
 TITLE, HEADING = 9.0, 1.5
 #: A section counts less than a page with the same words, and lists of everything less than pages about one thing.
 SECTION, LIST = 0.8, 0.4
-LISTS = ("gallery.html", "reference/")
+LISTS = ("gallery.html", "reference/", "appendix/")
 #: Words that say nothing of a page.
 IGNORED = {
     *("a", "an", "and", "are", "can", "do", "does", "for", "how", "i", "in", "is", "it", "my", "of", "on", "or", "the"),
     *("to", "what", "where", "which", "with"),
 }
 #: What readers may write, and the word of the pages.
-SYNONYMS = {"license": "licence", "citation": "cite", "cuda": "gpu", "queue": "slurm"}
+SYNONYMS = {"license": "licence", "citation": "cite", "cuda": "gpu", "queue": "slurm", "restart": "resume"}
 
 
 def words(text: str) -> list[str]:
@@ -56,7 +56,8 @@ def index(entries: list[dict[str, str]]) -> dict[str, Any]:
             weight += in_title * (word in title) + HEADING * (not section and word in headings[page])
             rare = math.log(1 + (len(entries) - holders[word] + 0.5) / (holders[word] + 0.5))
             weights[word].append([i, round(rare * weight * factor, 2)])
-    weights |= {word: weights[known] for word, known in SYNONYMS.items() if known in weights}
+    for word, known in SYNONYMS.items():  # and pages that have the word itself
+        weights[word] = weights.get(word, []) + weights[known]
     shown = [[entry["location"], entry["title"], _summary(entry)] for entry in entries]
     return {"entries": shown, "weights": weights, "ignored": sorted(IGNORED)}
 

@@ -3,7 +3,7 @@
 from words import in_symbols, plain, table
 
 from spi.kinds import KINDS
-from spi.storage.stored import NUMBERED, Entry, layout
+from spi.storage.stored import NUMBERED, Entry, Stored, layout
 
 
 def page() -> str:
@@ -16,7 +16,8 @@ def page() -> str:
         text += f"\n## {kind}\n\n{plain(record.__doc__ or '')}\n\n"
         arrays = (_held(one) for one in entries if not one.is_fact)
         text += table(("array", "axes", "what it is", "formula", "unit"), arrays)
-        text += "\n" + table(("attribute", "what it is", "unit"), (_fact(one) for one in entries if one.is_fact))
+        text += "\n" + _tables(record, entries) + "\n"
+        text += table(("attribute", "what it is", "unit"), (_fact(one) for one in entries if one.is_fact))
     return text
 
 
@@ -24,7 +25,8 @@ PAGE = """# What a results file holds
 
 A results file is HDF5: a group `/<case>/<scheme>`, or `/<case>/<scheme>/<estimator>`, for each scheme of each case,
 with arrays that have dimension scales, so that xarray and MATLAB open it. Each array has its `long_name`,
-and its `formula` and `units` if it has any. The columns of `spi show --format csv` and `json` have the same names.
+and its `formula` and `units` if it has any. The columns of
+[tables of numbers](../results.md#tables-of-numbers) have the same names.
 
 Kinds: {kinds}.
 
@@ -34,6 +36,17 @@ also say what was integrated: `scheme`, `scheme_label`, `eps`, `extrapolate`, `e
 `model`, its parameters as `model_sigma` and so on, `variables`, `initial`, `final_time` and `truncate_noise`.
 
 """
+
+
+def _tables(record: type[Stored], entries: list[Entry]) -> str:
+    """Tables of numbers: the main one, and the first array over each other set of axes."""
+    first: dict[tuple[str, ...], str] = {}
+    for entry in (one for one in entries if one.is_exported):
+        first.setdefault(tuple(axis for axis in entry.axes if axis not in record.row_columns), entry.name)
+    main = first.pop(record.row_axes)
+    others = [f"`{name}` ({', '.join(axes)})" for axes, name in first.items() if not {*axes} <= {*record.row_axes}]
+    rest = f"; further ones, where there are such numbers: {', '.join(others)}" if others else ""
+    return f"Tables: the main one `{main}` ({', '.join(record.row_axes)}){rest}.\n"
 
 
 def _held(entry: Entry) -> tuple[str, ...]:

@@ -10,13 +10,13 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from ..ensemble.loop import TimeGrid, integrated, paths_of
+from ..ensemble.loop import TimeGrid, paths_of
 from ..ensemble.observer import invariants_of, state_recorder
 from ..ensemble.protocol import named_numbers
 from ..ensemble.random_states import block_states
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..kinds.blocks import BlocksPlan
+from ..kinds.blocks import SampledPlan, integrated_batch
 from ..kinds.plans import State, path_grid
 from ..kinds.trajectory import study
 from ..kinds.trajectory.study import TrajectoryPlan
@@ -26,7 +26,7 @@ from ..running import workers
 from ..running.compiling import compile_missing, physical_memory
 from ..running.run import kernel_calls
 from ..specs import SpecError
-from ..statistics.accumulators import Array, Sums, counted, moments
+from ..statistics.accumulators import Array, Batch, Sums, counted, moments
 from ..statistics.estimators import group_counts, mean_over_paths, standard_deviation
 from ..storage.records import Part
 from .progress import ProgressDisplay
@@ -119,7 +119,8 @@ def computed(plan: Any, line: ProgressDisplay, show: Callable[[State], None]) ->
 def _one_path(plan: Any, line: ProgressDisplay) -> xr.Dataset:
     """One path with its invariants."""
     state = computed(plan, line, lambda state: line.share("path", plan.progress(state).done, 1))
-    dataset = dataset_of(plan.results(state).group())
+    record = plan.results(state)
+    dataset = dataset_of(record.group(), record)
     dataset.attrs = _of_paths(dataset.attrs)
     return dataset
 
@@ -147,13 +148,12 @@ def _batches(plan: Any, samples: int, line: ProgressDisplay, at_once: bool) -> I
     compile_missing(kernel_calls([plan]), line.watch.report_compiling)
     for first in range(0, total, most):
         line.share("paths", first, total)
-        blocks = min(most, total - first)
-        y = np.empty((blocks, times, d * LANES))
-        y[:, 0] = block_states(plan.initial, plan.stream, first, blocks)
-        recorder = state_recorder(plan.grid, y, every)
-        integrated(plan.scheme, plan.model, plan.initial, plan.grid, plan.stream, first, blocks, samples, recorder)
-        lanes = y.reshape(blocks, times, d, LANES).transpose(0, 3, 1, 2)
-        yield lanes.reshape(-1, times, d)[: samples - first * LANES]
+        batch = Batch(0, first, min(most, total - first), samples)
+        y = np.empty((batch.blocks, times, d * LANES))
+        y[:, 0] = block_states(plan.initial, plan.stream, first, batch.blocks)
+        integrated_batch(plan, plan.grid, plan.stream, batch, state_recorder(plan.grid, y, every))
+        lanes = y.reshape(batch.blocks, times, d, LANES).transpose(0, 3, 1, 2)
+        yield lanes.reshape(-1, times, d)[: samples - batch.first_path]
 
 
 def _all_states(plan: TrajectoryPlan, samples: int, line: ProgressDisplay) -> xr.Dataset:
@@ -287,7 +287,7 @@ class EndSums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class MeansPlan(BlocksPlan):
+class MeansPlan(SampledPlan):
     """Means of functions at the end of paths, summed up as the weak study does, whose bits they have."""
 
     sums = EndSums
@@ -321,15 +321,15 @@ class MeansPlan(BlocksPlan):
     def lengths(self, number: int) -> dict[str, int]:
         return {"level": len(self.steps), "function": len(self.functions)}
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """Values (blocks, L, F, LANES) at the end of some blocks, NaN of idle paths."""
-        states, _ = self.integrated(first, blocks, end)
-        y = paths_of(states, len(self.initial))[..., : end - first * LANES]
-        values: Array = np.full((len(self.steps), len(self.functions), blocks * LANES), np.nan)
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        """Values (blocks, L, F, LANES) at the end of a batch, NaN of idle paths."""
+        states, _ = self.integrated(batch)
+        y = paths_of(states, len(self.initial))[..., : batch.end - batch.first_path]
+        values: Array = np.full((len(self.steps), len(self.functions), batch.blocks * LANES), np.nan)
         for level, of_level in enumerate(y):
             for f, (name, phi) in enumerate(self.functions.items()):
                 values[level, f, : y.shape[-1]] = values_of(name, phi, of_level)
-        values = np.moveaxis(values.reshape(*values.shape[:2], blocks, LANES), 2, 0)
+        values = np.moveaxis(values.reshape(*values.shape[:2], batch.blocks, LANES), 2, 0)
         with np.errstate(all="ignore"):
             apart = values - self.at_start[:, np.newaxis]
         return {"values": values, "apart": apart, "nonfinite": np.logical_not(np.isfinite(values).all(axis=2))}

@@ -3,7 +3,6 @@
 import difflib
 from collections import Counter
 from collections.abc import Iterator, Mapping
-from functools import partial
 from html import escape
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -12,9 +11,10 @@ import numpy as np
 import pandas as pd
 import xarray as xr
 
-from .. import storage, views
-from ..drawing import as_bytes, style
+from .. import views
+from ..drawing import style
 from ..running import finding
+from ..specs.figures import FIGURE_KEYS
 from ..statistics import claims
 from ..statistics.claims import orders_of
 from ..storage import records
@@ -26,7 +26,8 @@ from .specs import as_overrides, check_type, in_python
 # ---------------------------------------------------------------------------------------------------------------------
 
 if TYPE_CHECKING:
-    from ..drawing import Axes, Figure
+    from ..drawing import Axes
+    from ..drawing.layout import PanelFigure
 
 
 def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[str, Any]) -> "Axes":
@@ -34,7 +35,7 @@ def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[s
     readings = views.readings(results.stored)
     looks = style.looks(by_case(readings))
     for reading, group in zip(readings, results.stored.groups, strict=True):
-        arrays = dataset_of(group)
+        arrays = dataset_of(group, reading)
         wanted = quantity or ("error" if "error" in arrays else "y")
         able = [str(array) for array, values in arrays.items() if {"h", "t"} & set(values.dims)]
         if wanted not in able:
@@ -82,17 +83,36 @@ def _ends(reading: Stored, arrays: xr.Dataset, quantity: str) -> list[xr.DataArr
     return [xr.DataArray(np.nan_to_num(away), dims=dims) for away in (value - numbers.low, numbers.high - value)]
 
 
-def dataset_of(group: records.Group) -> xr.Dataset:
-    """Arrays of a group with their coordinates; components of states are called as in expressions."""
-    about = Description.of(group)
+def dataset_of(group: records.Group, reading: Stored) -> xr.Dataset:
+    """Arrays of a group with their coordinates and with the 95 % interval of each, from ``x_low`` to ``x_high``.
+
+    Components of states are called as in expressions.
+    """
+    about = reading.about
     values = dict(group.coordinates)
     if "component" in values:
         values["component"] = np.array(component_names(about.variables, len(values["component"])))
     coordinates: dict[str, Any] = {name: (name, along, group.notes.get(name)) for name, along in values.items()}
     if about.swept:  # so that parts can be put together along the parameter
         coordinates |= {word: ((), value) for word, value in about.swept.places.items()}
-    variables = {name: (axes, array, group.notes.get(name)) for name, (axes, array) in group.variables.items()}
+    variables = {
+        name: (axes, array, group.notes.get(name) or notes_of(reading, name))
+        for name, (axes, array) in reading.exported().items()
+        if name not in group.attributes
+    }
     return xr.Dataset(variables, coordinates, netcdf_attributes(group.attributes))
+
+
+def notes_of(reading: Stored, name: str) -> dict[str, str]:
+    """Attributes of an array that is not in the file."""
+    if name in reading.by_name:
+        return reading.by_name[name].meaning.notes
+    base, _, end = name.rpartition("_")
+    if base not in reading.by_name:
+        return {}
+    meaning = reading.by_name[base].meaning
+    text = f"{'lower' if end == 'low' else 'upper'} end of the 95 % interval of {base}"
+    return meaning._replace(text=text, formula="").notes
 
 
 def netcdf_attributes(values: Mapping[str, Any]) -> dict[str, Any]:
@@ -186,6 +206,8 @@ class Results:
             raise AttributeError(name)
         groups = self.stored.groups
         arrays = dict.fromkeys(array for group in groups for array in (*group.variables, *group.coordinates))
+        if len(self) == 1 and not hasattr(type(self), name):
+            arrays |= dict.fromkeys(map(str, self.dataset.variables))
         if name not in arrays and not hasattr(type(self), name):  # a property asks here once more after its own error
             offered = [word for word in dir(type(self)) if not word.startswith("_")]
             near = difflib.get_close_matches(name, [*offered, *arrays], 1)
@@ -206,14 +228,15 @@ class Results:
         """Arrays of the only part."""
         if len(self) != 1:
             raise AttributeError(f"{wanted} is of one part; choose one by its name: {self._listed()}")
-        return dataset_of(self.stored.groups[0])
+        return dataset_of(self.stored.groups[0], views.readings(self.stored)[0])
 
     def _listed(self) -> str:
         return ", ".join(self.parts)
 
     def to_xarray(self) -> xr.DataTree:
-        """Arrays of all parts, a node for each, of the names and in the order of :attr:`parts`."""
-        groups = {group.name: dataset_of(group) for group in self.stored.groups}
+        """Arrays of all parts with their 95 % intervals, a node for each, as :attr:`parts` names and orders them."""
+        both = zip(self.stored.groups, views.readings(self.stored), strict=True)
+        groups = {group.name: dataset_of(group, reading) for group, reading in both}
         return xr.DataTree.from_dict({"/": xr.Dataset(attrs=netcdf_attributes(self.attributes)), **groups})
 
     @property
@@ -244,14 +267,26 @@ class Results:
         ]
         return pd.DataFrame(rows)
 
-    def table(self) -> pd.DataFrame:
-        """A row for each case, scheme and point of the first axis, as ``spi show --format csv`` prints them."""
-        return pd.DataFrame(views.rows(self.stored))
+    def table(self, name: str = "") -> pd.DataFrame:
+        """Table of this name, or that with a column of this name, as ``spi show --format csv --table NAME`` prints it.
 
-    def plot(self, ax: "Axes | None" = None, quantity: str | None = None, **look: Any) -> "Figure | Axes":
+        A row for each case, scheme and place along the axes.  By default the main table, the first of :attr:`tables`.
+
+        ValueError if there is none.
+        """
+        return pd.DataFrame(views.data_table(self.stored, name).rows)
+
+    @property
+    def tables(self) -> dict[str, pd.DataFrame]:
+        """All numbers with their 95 % intervals: a table for each set of axes, by its name, the main one first."""
+        return {name: pd.DataFrame(table.rows) for name, table in views.data_tables(self.stored).items()}
+
+    def plot(self, ax: "Axes | None" = None, quantity: str | None = None, **look: Any) -> "PanelFigure | Axes":
         """Figure of these parts as ``spi plot`` draws it; in given axes the curve of each of them.
 
-        `look` is that of the figure: `style`, `width`, `height`, `font` and `font_size`, as in :func:`views.figure`.
+        `look` are the words of the figure, as in :func:`views.figure`: `panels`, `log`, `xlim`, `legend`, `size`, ...
+        The figure is one of matplotlib, to be changed and saved as any other: ``figure.panels`` are the axes of its
+        panels, from left to right and from above.
 
         A curve shows `quantity`, by default the error with its 95 % interval against the step size, or the state
         against time; `look` is then handed on to matplotlib.  Returns the figure, or the axes.
@@ -260,12 +295,10 @@ class Results:
         """
         if ax is not None:
             return draw_into(ax, self, quantity, look)
-        of_figure = {name: look.pop(name) for name in ("style", "width", "height", "font", "font_size") if name in look}
-        if ignored := [*([] if quantity is None else ["quantity"]), *look]:
+        ignored = [*([] if quantity is None else ["quantity"]), *(name for name in look if name not in FIGURE_KEYS)]
+        if ignored:
             raise ValueError(f"{', '.join(ignored)}: only for curves in given axes; give ax as well")
-        figure = views.figure(self.stored, **of_figure)
-        figure.__dict__["_repr_png_"] = partial(as_bytes, figure, "png")  # for notebooks that know not matplotlib
-        return figure
+        return views.figure(self.stored, **look)
 
     def __repr__(self) -> str:
         where = f", {self.path}" if self.path else ""
@@ -304,5 +337,5 @@ def load(
     check_type("results", path, (str, Path), "must be a results file, or the name of an experiment that was run")
     with in_python():
         wanted = finding.Wanted(profile, tuple(as_overrides(overrides, {})))
-        file = finding.results_file(Path(path), Path(results), wanted)
-        return Results(storage.read(file), file)
+        found = finding.found(Path(path), Path(results), wanted)
+        return Results(found.read(), found.path)

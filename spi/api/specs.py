@@ -85,7 +85,7 @@ def model_keys(model: Any) -> Any:
     if not hasattr(cls, "_fields"):
         return model
     parameters = {} if isinstance(model, type) else model._asdict()
-    if "sigma" in parameters:  # a noise of strength 0 is None in a record
+    if "sigma" in parameters:  # where a spec has 0 a record has None, for a noise that is off
         parameters["sigma"] = [strength or 0 for strength in parameters["sigma"]]
     built_in = MODELS.name_of(cls)
     return ({"name": built_in} if built_in else {"python": _file_of(cls), "name": cls.__qualname__}) | parameters

@@ -8,7 +8,7 @@ from typing import Annotated, Any, NoReturn
 import typer
 from typer.core import TyperGroup
 
-from ..plugins import PluginError, Registry
+from ..plugins import PluginError, Registry, lacking
 from . import running, showing, starting
 from .options import (
     BEGIN,
@@ -30,6 +30,12 @@ from .terminal import STOP, drop_unwritable_output, takes_all_characters, tell, 
 
 class Commands(TyperGroup):
     """Commands by what they are for, each with its whole first sentence."""
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that the first argument names; an error says which plug-in has one that is not here."""
+        if args[0] not in self.commands and (advice := lacking("commands", args[0])):
+            ctx.fail(f"No such command '{args[0]}'; {advice}")
+        return super().resolve_command(ctx, args)
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """Write a section for each panel."""
@@ -189,6 +195,9 @@ def _run(arguments: list[str]) -> int:
 def _usage(error: typer.TyperException) -> str:
     """Mistake in a command line; where an argument is missing, also its help."""
     message = error.format_message().replace("Value error, ", "")  # how pydantic begins what typer says
+    option = getattr(error, "option_name", "").lstrip("-")
+    if advice := lacking("ways", option) or lacking("templates", option):
+        return f"No such option: --{option}; {advice}"
     argument, context = (getattr(error, name, None) for name in ("param", "ctx"))
     if not (argument and context and message.startswith("Missing argument")):
         return message

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, NoReturn
 import typer
 
 from ..plugins import PluginError, imported, offers
+from ..specs.figures import FIGURE_KEYS
 from .terminal import STOP, tell
 
 RESULTS = Path("results")  #: the folder of results unless --out names another
@@ -46,19 +47,19 @@ def _files(incomplete: str, endings: Sequence[str]) -> list[str]:
 
 
 if TYPE_CHECKING:
+    from ..running.finding import Found
     from ..running.run import Limits, Watch
     from ..specs import Experiment
 
 DONE, FAILED, INVALID, STOPPED, CLAIM_FAILED = 0, 1, 2, 3, 4
 
-Specs = Annotated[
-    list[Path],
-    typer.Argument(
-        metavar="SPEC",
-        help="Experiment files (YAML), names listed by `spi list`, or files of results, whose spec and options count.",
-        autocompletion=complete_spec,
-    ),
-]
+_SPECS = typer.Argument(
+    metavar="SPEC",
+    help="Experiment files (YAML), names listed by `spi list`, or files of results, whose spec and options count.",
+    autocompletion=complete_spec,
+)
+Specs = Annotated[list[Path], _SPECS]
+SeveralSpecs = Annotated[list[Path] | None, _SPECS]
 ResultsFile = Annotated[
     Path,
     typer.Argument(
@@ -175,6 +176,26 @@ def template_options(command: Callable[..., None]) -> Callable[..., None]:
     return _with_options(command, "templates", {word: Annotated[bool, help_of[word]] for word in words})
 
 
+def figure_options(command: Callable[..., None]) -> Callable[..., None]:
+    """Give a command an option for each key of ``figure``, for its parameter `chosen`: those that are given."""
+    options: dict[str, Any] = {}
+    for name, key in FIGURE_KEYS.items():
+        flag = f"--{name.replace('_', '-')}"
+        options[name] = Annotated[str | None, typer.Option(flag, help=key.text)]
+        if key.can_be_off:
+            options[f"no_{name}"] = Annotated[bool, typer.Option(f"--no-{name}", help=f"Without a {name}.")]
+
+    @functools.wraps(command)
+    def called(given: dict[str, Any], **values: Any) -> None:
+        off = {name: False for name in FIGURE_KEYS if f"no_{name}" in given}
+        command(chosen={name: value for name, value in given.items() if name in FIGURE_KEYS} | off, **values)
+
+    signature = inspect.signature(command)
+    own = [one.replace(name="given") if one.name == "chosen" else one for one in signature.parameters.values()]
+    called.__dict__["__signature__"] = signature.replace(parameters=own)
+    return _with_options(called, "given", options)
+
+
 #: (experiment, folder of results, whether from scratch, who is told, limits) -> its results, None if not yet complete.
 Compute = Callable[["Experiment", Path, bool, "Watch", "Limits"], Path | None]
 
@@ -215,16 +236,23 @@ def load(specs: list[Path], options: RunOptions) -> list["Experiment"]:
     return experiments
 
 
-def stored(sources: Sequence[Path] | None, folder: Path, options: RunOptions) -> list[Path]:
-    """Files of results that a person means: files, spec files, or names of experiments; without any, all.
+def found(sources: Sequence[Path] | None, folder: Path, options: RunOptions) -> list["Found"]:
+    """Results that a person means: files, spec files, or names of experiments; without any, all.
 
     Those of names lie in `folder`, and the options of their runs choose among them.  Raises StorageError if there are
     none, or if those of a spec file are of another.
     """
-    from ..running.finding import Wanted, every, results_file
+    from ..running import finding
 
-    wanted = Wanted(options.profile or "laptop", tuple(options.assignments))
-    return [results_file(source, folder, wanted) for source in sources] if sources else every(folder, wanted)
+    wanted = finding.Wanted(options.profile or "laptop", tuple(options.assignments))
+    if sources:
+        return [finding.found(source, folder, wanted) for source in sources]
+    return [finding.Found(path) for path in finding.every(folder, wanted)]
+
+
+def stored(sources: Sequence[Path] | None, folder: Path, options: RunOptions) -> list[Path]:
+    """Files of the results that :func:`found` finds."""
+    return [one.path for one in found(sources, folder, options)]
 
 
 def end(code: int, message: str) -> NoReturn:

@@ -19,7 +19,7 @@ from .options import (
     Fresh,
     Out,
     RunOptions,
-    Specs,
+    SeveralSpecs,
     Threads,
     complete_spec,
     end,
@@ -27,6 +27,7 @@ from .options import (
     run_options,
     way_options,
 )
+from .showing import members
 from .terminal import STOP, for_whoever_reads, tell
 
 if TYPE_CHECKING:
@@ -43,13 +44,16 @@ CheckpointTime = Annotated[str, typer.Option(help="Save progress at least this o
 @way_options
 @run_options()
 def run(
-    specs: Specs,
+    specs: SeveralSpecs = None,
     threads: Threads = None,
     out: Out = Path("results"),
     fresh: Fresh = False,
     max_time: MaxTime = None,
     checkpoint: CheckpointTime = "5s",
     workers: Annotated[int | None, typer.Option(help="Number of processes on this machine.", min=1, max=1024)] = None,
+    group: Annotated[
+        str | None, typer.Option(help="All experiments of a group that `spi list` shows, as paper.", metavar="WORD")
+    ] = None,
     confirmed: Annotated[
         bool, typer.Option("--confirmed", help="Exit code 4 unless the results confirm every claim.")
     ] = False,
@@ -61,7 +65,13 @@ def run(
 
     Exit code 4 if the results contradict a claim of a spec.
     """
-    experiments = load(specs, options)
+    named = [*(specs or ()), *(members(group) if group else ())]
+    if not named:
+        end(
+            INVALID,
+            "missing argument 'SPEC'; name an experiment that `spi list` shows, or a group, see `spi run --help`",
+        )
+    experiments = load(named, options)
     from ..running.remarks import warnings
 
     if len(given := [*["workers"] * (workers is not None), *ways]) > 1:

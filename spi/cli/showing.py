@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
 import typer
 
+from ..specs.figures import read_figure
 from .options import (
     FAILED,
     INVALID,
@@ -17,16 +18,18 @@ from .options import (
     Several,
     complete_results,
     end,
+    figure_options,
+    found,
     of_plugins,
     run_options,
-    stored,
 )
 from .terminal import STOP, takes_all_characters, tell
 
 if TYPE_CHECKING:
     from rich.console import Console
 
-    from ..storage.records import StoredResults
+    from ..drawing.film import Film
+    from ..running.finding import Found
 
 
 @run_options("trust_code")
@@ -40,106 +43,133 @@ def show(
         ),
     ] = None,
     results: ResultsFolder = RESULTS,
-    format: Annotated[Literal["table", "json", "csv"], typer.Option(help="Output format.")] = "table",
+    format: Annotated[Literal["table", "json", "csv", "latex"], typer.Option(help="Output format.")] = "table",
+    table: Annotated[
+        str | None, typer.Option(help="A table of numbers by its name, or by that of a column (default: the main one).")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Write all tables into this folder, <out>/<name>.<table>.csv, .json or .tex.")
+    ] = None,
+    everything: Annotated[bool, typer.Option("--all", help="Also print tables in which a line says enough.")] = False,
     *,
     options: RunOptions,
 ) -> None:
     """Print stored results to standard output; without a name, list what results there are."""
     from .. import storage, views
-    from ..printing import as_csv, as_json
 
     if source is None:
         print_results(results)
         return
-    (file,) = stored([source], results, options)
-    stored_results = storage.read(file)
+    (one,) = found([source], results, options)
+    file, stored_results = one.path, one.read()
     with _about(file):
-        if format == "table":
-            views.print_tables(stored_results)
+        if out is not None:
+            files = views.exports(stored_results, file.stem, "csv" if format == "table" else format)
+            storage.write_all({out / name: content for name, content in files.items()})
+            for name in files:
+                tell(f"wrote {out / name}")
+            if format == "latex":
+                tell(f"tables of more than {views.MOST_LATEX_ROWS} rows are written as CSV or JSON only")
+            return
+        names = [*views.data_tables(stored_results)]
+        if format == "table" and table is None:
+            views.print_tables(stored_results, everything=everything)
         else:
-            rows = views.rows(stored_results)
-            typer.echo((as_json(rows, takes_all_characters()) if format == "json" else as_csv(rows)).rstrip("\n"))
+            _print_numbers(stored_results, file.stem, format, table)
+    if table is None and len(names) > 1:
+        tell(f"tables of numbers: {', '.join(names)}; --table NAME prints one, --out FOLDER writes all")
+
+
+def _print_numbers(results: "StoredResults", name: str, format: str, table: str | None) -> None:
+    """Print a table in a format; as LaTeX without its name what is printed."""
+    from .. import views
+    from ..printing import as_csv, as_json
+
+    if format == "latex":
+        text = views.as_latex(results, name, views.data_table(results, table) if table else None)
+    elif format == "table":
+        views.print_data(views.data_table(results, table or ""))
+        return
+    else:
+        rows = views.data_table(results, table or "").rows
+        text = as_json(rows, takes_all_characters()) if format == "json" else as_csv(rows)
+    typer.echo(text.rstrip("\n"))
 
 
 @run_options("trust_code")
+@figure_options
 def plot(
     sources: Several = None,
     results: ResultsFolder = RESULTS,
     out: Annotated[Path | None, typer.Option(help="Folder of figures (default: that of the results).")] = None,
-    style: Annotated[
-        Literal["screen", "paper"],
-        typer.Option(help="paper: without a title, for a column; <out>/<name>_paper.pdf."),
-    ] = "screen",
-    width: Annotated[
-        str | None, typer.Option(help="Width of a figure: one or two (columns of a paper), or e.g. 5.125in, 130mm.")
-    ] = None,
-    height: Annotated[str | None, typer.Option(help="Height of a figure, e.g. 4.5in, 110mm.")] = None,
-    font: Annotated[str | None, typer.Option(help="Font: serif, sans or an installed TrueType family.")] = None,
-    font_size: Annotated[
-        float | None, typer.Option(help="Points of text (default: 9, in a paper 8); other letters in proportion.")
-    ] = None,
     film: Annotated[bool, typer.Option("--film", help="Also write a film of the states: <out>/<name>.gif.")] = False,
+    mp4: Annotated[bool, typer.Option("--mp4", help="Also write it as <out>/<name>.mp4, by ffmpeg.")] = False,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames of a film in a second (default: for 8 seconds).", min=0.1, max=100)
+    ] = None,
     *,
+    chosen: dict[str, Any],
     options: RunOptions,
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
-    from .. import storage, views
-    from ..drawing import page
+    from .. import views
     from ..drawing.style import caption
 
-    look: dict[str, Any] = {"style": style, "width": width, "height": height, "font": font, "font_size": font_size}
     try:
-        page.named(**look)
+        read_figure(chosen)
     except ValueError as error:
-        end(INVALID, f"--{error}")
+        name, _, message = str(error).partition(": ")
+        end(INVALID, f"--{name.replace('_', '-')}: {message}")
 
-    def draw(path: Path) -> None:
-        stored_results = storage.read(path)
+    def draw(one: "Found") -> None:
+        path, stored_results = one.path, one.read()
         with _about(path):
-            figure = views.figure(stored_results, **look)
-        folder = out or path.parent
-        for written in views.save(figure, folder, path.stem if style == "screen" else f"{path.stem}_paper"):
+            words = views.chosen(stored_results, **chosen)
+            figure = views.figure(stored_results, **chosen)
+        folder, is_paper = out or path.parent, words.get("style") == "paper"
+        for written in views.save(figure, folder, f"{path.stem}_paper" if is_paper else path.stem):
             tell(f"wrote {written}")
-        if style == "paper":
+        if is_paper or words.get("title") is False:
             tell(f"caption: {caption(figure)}")
-        if film:
-            _write_film(path, stored_results, folder)
+        for form in [*["gif"] * film, *["mp4"] * mp4]:
+            with _about(path):
+                moving = views.film(stored_results, **chosen)
+            _write_film(path, moving, folder, form, fps)
 
-    _each(draw, stored(sources, results, options))
+    _each(draw, found(sources, results, options))
 
 
-def _each(act: Callable[[Path], None], paths: Sequence[Path]) -> None:
-    """Act on every file; one of several that cannot be shown has a line, and ends the command when all are done."""
+def _each(act: Callable[["Found"], None], each: Sequence["Found"]) -> None:
+    """Act on all results; of several those that cannot be shown have a line, and end the command when all are done."""
     from .. import views
 
-    if len(paths) == 1:
-        act(paths[0])
+    if len(each) == 1:
+        act(each[0])
         return
     codes = []
-    for path in paths:
+    for one in each:
         try:
-            act(path)
+            act(one)
         except typer.Exit as ended:
             codes.append(ended.exit_code)
         except Exception as error:
             STOP.check()  # which may have become any other error
-            tell(f"spi: {views.problem(path, error)}")
+            tell(f"spi: {views.problem(one.path, error)}")
             codes.append(INVALID)
     if codes:
         raise typer.Exit(max(codes))
 
 
-def _write_film(path: Path, results: "StoredResults", folder: Path) -> None:
+def _write_film(path: Path, moving: "Film", folder: Path, form: str, fps: float | None) -> None:
     from .. import views
     from .progress import ProgressLine
 
     with _about(path), ProgressLine(path.stem) as line:
-        moving = views.film(results)
 
         def frame(done: int, total: int) -> None:
             line.report_work(done + 1, total, "drawing the frames of a film")
 
-        written = views.save_film(moving, folder, path.stem, frame)
+        written = views.save_film(moving, folder, path.stem, frame, form, fps)
     tell(f"wrote {written}")
 
 
@@ -274,6 +304,26 @@ def _experiments(folder: Path, problems: list[str]) -> Iterable[ListedPart]:
     for group, members in rows.items():
         if members:
             yield ListedPart(group, f"{group}: {GROUPS[group]}", ["name", "figure", "title"], members)
+
+
+def members(group: str) -> list[Path]:
+    """Experiments of a group, as `spi list` has them; those in the folder experiments as paths.
+
+    SpecError if there is no such group, or none in it.
+    """
+    from ..specs import SpecError
+    from ..specs.keys import suggestion
+
+    if group not in GROUPS:
+        raise SpecError(f"--group: '{group}' is not a group of experiments; {suggestion(group, GROUPS)}")
+    problems: list[str] = []
+    parts = _experiments(Path("experiments"), problems)
+    found = [Path(row[0]) for part in parts if part.word == group for row in part.rows]
+    if group == "yours" and problems:
+        raise SpecError(*problems)
+    if not found:
+        raise SpecError("--group: there is no folder experiments with a file here; write one with `spi new`")
+    return found
 
 
 def print_results(folder: Path, one_line: bool = False) -> None:

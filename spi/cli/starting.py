@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from .. import KERNEL_DIGEST, kernels_folder, modules_folder
-from ..plugins import imported, offers
+from ..plugins import imported, lacking, offers
 from .options import FAILED, INVALID, SPECS, complete_spec, end, template_options
 from .terminal import tell
 
@@ -63,6 +63,9 @@ def new(
             autocompletion=complete_spec,
         ),
     ] = None,
+    kind: Annotated[
+        str | None, typer.Option(help="Of this kind, as `spi list kinds` shows them, about the rigid body.")
+    ] = None,
     *,
     templates: dict[str, bool],
 ) -> None:
@@ -70,16 +73,14 @@ def new(
 
     It can be run unchanged.  Existing files are never overwritten.
     """
-    from ..running import shipped
-
     if not Path(name).name or name.endswith("/") or not name.isprintable():
         end(INVALID, f"{name!r} is not a file name; run for example `spi new my_experiment`")
     target = Path(name) if Path(name).suffix in SPECS else Path(f"{name}.yaml")
-    if len(given := [*["from"] * (source is not None), *templates]) > 1:
+    if len(given := [*["from"] * (source is not None), *["kind"] * (kind is not None), *templates]) > 1:
         end(INVALID, f"{' and '.join(f'--{word}' for word in given)} exclude one another; give one of them")
     stored: StoredSpec | None = None
     if source is None:
-        template = imported(offers("templates")[next(iter(templates))]) if templates else shipped.template()
+        template = imported(offers("templates")[next(iter(templates))]) if templates else _template(kind)
         path = shlex.quote(target.as_posix())
         files = {target: template.replace("NAME.yaml", path).replace("NAME", target.stem).encode()}
     else:
@@ -94,6 +95,20 @@ def new(
         _warn_of_code(source, stored, target, written)
     quoted = shlex.quote(target.as_posix())
     tell(f"spi: edit it as you like; `spi check {quoted}` estimates the cost, `spi run {quoted}` runs it")
+
+
+def _template(kind: str | None) -> str:
+    """Text of a new experiment, of a kind."""
+    from ..kinds import KINDS
+    from ..running import shipped
+    from ..specs.keys import suggestion
+
+    if kind in (None, "strong"):
+        return shipped.template()
+    if kind not in KINDS:
+        right = lacking("kinds", kind) or suggestion(kind, KINDS)
+        end(INVALID, f"--kind: '{kind}' is not a kind of experiment here; {right}")
+    return shipped.example(kind, KINDS[kind].keys.Case)
 
 
 def _warn_of_code(source: str | None, stored: "StoredSpec", target: Path, written: Collection[Path]) -> None:

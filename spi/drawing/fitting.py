@@ -2,20 +2,23 @@
 
 import re
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import pairwise, product
 from operator import itemgetter
 from typing import Any
 from weakref import WeakSet
 
+import numpy as np
 from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.text import Text
 
-from . import page, plots
+from . import page, plots, style
 
-_WORD = re.compile(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+\s*")  # a formula is one word
 _BREAKS = re.compile(r"(?<=,\\,)|(?= [+-] )")  # within a formula: behind a comma, before a sign
+
+_CORNERS: Any = ("upper left", "upper right", "lower right", "lower left", "upper center", "lower center")  # of legends
+_ROOM, _MOST_ROOM = 0.04, 0.6  # shares of the height of a panel: beside its legend, and for that at most
 
 _ROUNDS = 4  # of changes of the height, of which each moves all panels a little
 _EXACT = 0.03  # inches of the height
@@ -35,6 +38,7 @@ def settle(fig: Figure) -> None:
     engine.execute(fig)
     for ax in fig.axes:
         _break_titles(ax)
+    _free_legends(fig)
     if page.current().layout.width is None:
         return
     _break_legends(fig)
@@ -51,6 +55,7 @@ def settle(fig: Figure) -> None:
         for axis in (ax.xaxis, ax.yaxis):
             _thin(axis)
     engine.execute(fig)
+    _free_legends(fig)
     for ax in fig.axes:
         plots.part_ends(ax)
     _SETTLED.add(fig)
@@ -85,9 +90,41 @@ def _break_legends(fig: Figure) -> None:
 
 
 def _break_labels(ax: Axes) -> None:
+    """Break labels; in a figure of a given height words without their formula stand where both have no room."""
     left, right = _place(ax)
+    label, whole, room = ax.yaxis.label, ax.yaxis.label.get_text(), ax.get_window_extent().height
     _break(ax.xaxis.label, right - left)
-    _break(ax.yaxis.label, ax.get_window_extent().height)
+    _break(label, room)
+    if page.current().layout.height is not None and label.get_window_extent().height > room:
+        label.set_text(re.split(r"\n|  ", whole)[0])
+        _break(label, room)
+
+
+def _free_legends(fig: Figure) -> None:
+    """Move legends within panels to where they cover no line, else no results, above these if that is nowhere else."""
+    for ax in fig.axes:
+        legend = ax.get_legend()
+        if legend is None:
+            continue
+        results = [line for line in ax.lines if not str(line.get_label()).startswith(plots.SLOPE)]
+        for lines, place in product((ax.lines, results), _CORNERS):
+            legend.set_loc(place)
+            box = legend.get_window_extent()
+            paths = (line.get_transform().transform_path(line.get_path()) for line in lines)
+            if not any(path.intersects_bbox(box, filled=False) for path in paths):
+                break
+        else:
+            legend.set_loc(_CORNERS[0])
+            _raise_top(ax, box.height / ax.get_window_extent().height + _ROOM)
+
+
+def _raise_top(ax: Axes, share: float) -> None:
+    """Give a panel a share of its height above what it shows, unless a person chose its limits."""
+    if "ylim" not in page.current().chosen and share < _MOST_ROOM:
+        scale = ax.yaxis.get_transform()
+        low, high = scale.transform(np.array(ax.get_ylim()))
+        ax.set_ylim(top=float(scale.inverted().transform(low + (high - low) / (1.0 - share))))
+        plots.part_ends(ax)
 
 
 def _break(text: Text, room: float) -> None:
@@ -105,7 +142,7 @@ def broken(line: str, font: Any, room: float) -> Sequence[str]:
     if fits(line):
         return [line]
     parts = [""]
-    for word in _WORD.findall(line):
+    for word in style.WORD.findall(line):
         for part in [word] if fits(word) else _parts(word):
             if parts[-1] and not fits(parts[-1] + part):
                 parts.append("")

@@ -17,6 +17,17 @@ from . import fitting, page, plots, style
 Case = tuple[list[str], list[list[plots.Plot]]]  #: the heading of a case, and groups of panels
 
 
+class PanelFigure(Figure):
+    """Figure of matplotlib with its panels."""
+
+    panels: tuple[plots.Axes, ...] = ()  #: from left to right and from above, without the axes of colour bars
+
+    def _repr_png_(self) -> bytes:  # for notebooks that know not matplotlib
+        from . import as_bytes
+
+        return as_bytes(self, "png")
+
+
 class _Drawn(NamedTuple):
     """A panel that is drawn."""
 
@@ -34,7 +45,7 @@ class _Legend(NamedTuple):
 
 
 @np.errstate(all="ignore")
-def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
+def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> PanelFigure:
     """Figure of the panels of each case; ValueError if there are none, or no room for them in its height."""
     rows, layout = _rows([groups for _, groups in cases]), page.current().layout
     if not rows:
@@ -42,13 +53,14 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
     columns = max(map(len, rows))
     width = layout.width or columns * layout.panel_width(columns)
     heights = [aspect * width / columns for aspect in _aspects(rows)]
-    fig = Figure(layout="constrained")  # which colour bars are to know beforehand
+    fig = PanelFigure(layout="constrained")  # which colour bars are to know beforehand
     drawn, lines = _draw(fig, rows, heights, _Titles(cases if len(cases) > 1 else [], rows, width))
-    legend = _legend_of(drawn)
+    fig.panels = tuple(one.ax for one in drawn)
+    legend, place = _legend_of(drawn), page.current().chosen.get("legend", "below")
     if legend.beside_slopes:
         for one in drawn:
             plots.write_slopes(one.ax)
-    legend_rows = _legend_rows(legend.entries, width)
+    legend_rows = _legend_rows(legend.entries, width) if place == "below" else []
     height = sum(heights) + layout.panel_line * (lines + len(legend_rows)) + layout.below
     _check_height(len(rows), height - sum(heights))
     beside = layout.names if legend.named and layout.width is None else 0.0
@@ -56,6 +68,8 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> Figure:
     _name_lines(drawn, legend)
     if legend_rows:
         _write_legend(fig, legend_rows)
+    if place == "inside" and legend.entries:
+        _write_inside(drawn, legend.entries)
     return fig
 
 
@@ -71,7 +85,7 @@ def _draw(
             if plot is None:
                 continue
             ax = fig.add_subplot(grid[i, j], projection=plot.projection)
-            drawn.append(_Drawn(ax, *plot.draw(ax)))
+            drawn.append(_Drawn(ax, *plot.as_chosen().draw(ax)))
             above.append(titles.write(ax, plot))
             if plot.shared and j:
                 ax.set_ylabel("")
@@ -119,6 +133,16 @@ def _write_legend(fig: Figure, rows: Sequence[Sequence[plots.LegendEntry]]) -> N
     artists, texts = zip(*(entry for column in zip(*rows, strict=True) for entry in column), strict=True)
     look: dict[str, Any] = {"frameon": False, "handlelength": layout.handle, "columnspacing": layout.between}
     fig.legend(artists, texts, loc="outside lower center", ncols=len(rows[0]), **look)
+
+
+def _write_inside(drawn: Sequence[_Drawn], entries: Sequence[plots.LegendEntry]) -> None:
+    """Write a legend into the first panel that has lines; ``fitting.settle`` finds its place."""
+    ax = next((one.ax for one in drawn if one.ends), drawn[0].ax)
+    handles, texts = zip(*entries, strict=True)
+    look: dict[str, Any] = {"frameon": True, "framealpha": 0.85, "edgecolor": "none"}
+    legend = ax.legend(handles, texts, loc="upper left", handlelength=page.current().layout.handle, **look)
+    legend.set_in_layout(False)
+    legend.set_zorder(6)
 
 
 def _rows(cases: Sequence[list[list[plots.Plot]]]) -> Sequence[Sequence[plots.Plot | None]]:

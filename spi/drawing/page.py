@@ -4,14 +4,16 @@ import contextlib
 import difflib
 import math
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextvars import ContextVar
+from types import MappingProxyType
 from typing import Any, NamedTuple
 from weakref import WeakKeyDictionary
 
 import matplotlib
 import matplotlib.style
 from matplotlib.cbook import is_math_text
+from matplotlib.colors import is_color_like
 from matplotlib.figure import Figure
 from matplotlib.font_manager import FontProperties, fontManager
 from matplotlib.textpath import text_to_path
@@ -54,6 +56,7 @@ class Page(NamedTuple):
     layout: Layout = measures.SCREEN
     is_paper: bool = False  #: whether title and parameters are left to a caption
     family: str | None = None  #: of letters; None: that of a screen
+    chosen: Mapping[str, Any] = MappingProxyType({})  #: what a person chose of panels, by name
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -66,6 +69,13 @@ class Page(NamedTuple):
         math_fonts |= {f"mathtext.{style}": f"{self.family}{word}" for style, word in styles.items()}
         # Letters that the family lacks are taken from one that has them.
         return look | math_fonts | {"font.family": [self.family, FAMILIES["sans"]]}
+
+    def overlays_cases(self) -> bool:
+        """Whether the lines of all cases stand in one panel."""
+        over = self.chosen.get("overlay")
+        if over not in (None, "cases"):
+            raise ValueError(f"overlay: is '{over}', which is not the second of two swept words; must be cases")
+        return over is not None
 
     def columns(self) -> int:
         """Number of panels side by side at most: of those that a figure of a given width has room for."""
@@ -130,34 +140,58 @@ def applied(page: Page = SCREEN) -> Iterator[None]:
         _CURRENT.reset(token)
 
 
+@contextlib.contextmanager
+def without(name: str) -> Iterator[None]:
+    """Draw without something that was chosen, which has been taken care of."""
+    now = current()
+    token = _CURRENT.set(now._replace(chosen={one: value for one, value in now.chosen.items() if one != name}))
+    try:
+        yield
+    finally:
+        _CURRENT.reset(token)
+
+
 def named(
     style: str = "screen",
     width: str | float | None = None,
     height: str | float | None = None,
     font: str | None = None,
-    font_size: float | None = None,
+    font_size: str | float | None = None,
+    **chosen: Any,
 ) -> Page:
-    """Page of a style, "screen" or "paper", with its width and height, and the font and size of its letters.
+    """Page of a style, "screen" or "paper", with its width and height, the font and size of its letters, and panels.
 
     ``width`` and ``height`` are inches or a text such as "130mm", ``width`` also "one" or "two" columns; ``font`` is
     "serif", "sans" or the name of an installed TrueType family, ``font_size`` points of its text, to which the letters
-    of titles, labels, numbers and legends are in proportion.  Raises ValueError, with the reason, if they are none of
-    these.
+    of titles, labels, numbers and legends are in proportion.  What else is chosen is for panels, see
+    :data:`spi.specs.figures.FIGURE_KEYS`.  Raises ValueError, with the reason, if they are none of these.
     """
-    if style not in ("screen", "paper"):
-        raise ValueError(f"style: is {style!r}; must be screen or paper")
     is_paper = style == "paper"
     layout = measures.PAPER if is_paper else measures.SCREEN
     if width is not None:
         layout = layout._replace(width=inches(width))
     if height is not None:
-        layout = layout._replace(height=_inches_high(height))
+        layout = layout._replace(height=inches_high(height))
     if font_size is not None:
-        if not SMALLEST <= font_size <= LARGEST:
-            raise ValueError(f"font-size: is {font_size:g}; must be {SMALLEST:g} to {LARGEST:g} points")
-        layout = layout.with_letters(font_size)
-    chosen = font or ("serif" if is_paper else None)
-    return Page(layout, is_paper, family(chosen) if chosen else None)
+        layout = layout.with_letters(letters(font_size))
+    font = font or ("serif" if is_paper else None)
+    return Page(layout, is_paper, family(font) if font else None, chosen)
+
+
+def letters(size: str | float) -> float:
+    """Points of text; ValueError if it is no number of points, or too small or too large."""
+    try:
+        points = float(size)
+    except (ValueError, TypeError):
+        points = math.nan
+    if not SMALLEST <= points <= LARGEST:
+        raise ValueError(f"is {size}; must be {SMALLEST:g} to {LARGEST:g} points")
+    return points
+
+
+def is_colour(text: str) -> bool:
+    """Whether a text is a colour."""
+    return is_color_like(text)
 
 
 def inches(width: str | float) -> float:
@@ -165,19 +199,17 @@ def inches(width: str | float) -> float:
     value = COLUMNS[str(width)] if width in COLUMNS else _length(width)
     if not NARROWEST <= value <= WIDEST:
         raise ValueError(
-            f"width: is {width!r}; must be one or two (columns), or a length of {NARROWEST:g} to {WIDEST:g} inches, "
+            f"is {width!r}; must be one or two (columns), or a length of {NARROWEST:g} to {WIDEST:g} inches, "
             "as in 5.125in or 130mm"
         )
     return value
 
 
-def _inches_high(height: str | float) -> float:
+def inches_high(height: str | float) -> float:
     """A height in inches; ValueError if it is no length, or too small or too large."""
     value = _length(height)
     if not LOWEST <= value <= HIGHEST:
-        raise ValueError(
-            f"height: is {height!r}; must be a length of {LOWEST:g} to {HIGHEST:g} inches, as in 4.5in or 110mm"
-        )
+        raise ValueError(f"is {height!r}; must be a length of {LOWEST:g} to {HIGHEST:g} inches, as in 4.5in or 110mm")
     return value
 
 
@@ -185,7 +217,7 @@ def _length(given: str | float) -> float:
     """Inches of a number or of a text with its unit; NaN if it is no length."""
     if match := re.fullmatch(r"([0-9]*\.?[0-9]+) *(in|cm|mm)", str(given).strip()):
         return float(match[1]) * _UNITS[match[2]]
-    return math.nan if isinstance(given, str) else float(given)
+    return float(given) if isinstance(given, int | float) else math.nan
 
 
 def family(name: str) -> str:
@@ -196,4 +228,4 @@ def family(name: str) -> str:
         return by_small[name.lower()]
     near = [by_small[spelling] for spelling in difflib.get_close_matches(name.lower(), by_small, n=3, cutoff=0.5)]
     meant = f"did you mean {' or '.join(map(repr, dict.fromkeys(near)))}? " if near else ""
-    raise ValueError(f"font: {name!r} is not an installed TrueType family; {meant}serif and sans are always available")
+    raise ValueError(f"{name!r} is not an installed TrueType family; {meant}serif and sans are always available")

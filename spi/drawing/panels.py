@@ -11,14 +11,14 @@ Fields have the names that they have in files.  Axes, texts, units and intervals
 """
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, NamedTuple
 
 import numpy as np
-from matplotlib.figure import Figure
 
 from ..storage.records import Order
 from ..storage.stored import Estimate, Stored
-from . import layout, plots, style
+from . import layout, page, plots, style
 
 _LINES = 4  # shades of one colour that can be told apart
 _UNITS = ("s", "ns", "rad")  # that stand on an axis; others, as "state", are those of the system
@@ -29,7 +29,7 @@ Records = Sequence[Any]
 def names_along(record: Stored, axis: str, count: int) -> list[str]:
     """Name in mathematics of each place along an axis: of functions, Casimir functions, exponents, ..."""
     if axis in ("function", "variable", "quantity"):
-        return [style.maths(str(name), record.about.variables) for name in np.asarray(record.get(axis)).tolist()]
+        return [style.named(str(name), record.about.variables) for name in np.asarray(record.get(axis)).tolist()]
     symbols = {"casimir": "C", "number": r"\lambda"}
     if axis == "component":
         return style.component_names(record.about, count)
@@ -76,6 +76,7 @@ class CurvePanel(NamedTuple):
     resolved: str = ""  #: a field with whether values are resolved; else those of intervals above 0 are, on log axes
     nan_diverged: bool = False  #: whether NaN means that paths diverged
     look: dict[str, Any] = {}  # noqa: RUF012
+    conserved: bool = False  #: whether there is a fact instead of a panel of what all schemes conserve up to rounding
     same: str = ""  #: a fact instead of a panel where all values of all schemes are one number, with {} for it
     only: Callable[[Any, int], bool] = lambda record, place: True  #: the places along `facet` that are shown
     then: Callable[[plots.Plot, Records, int], Any] = lambda plot, records, place: plot
@@ -89,21 +90,28 @@ class CurvePanel(NamedTuple):
             numbers = numbers.without(axis, np.max)
         return numbers if self.nan_diverged or np.isfinite(numbers.value).any() else None
 
+    def _places(self, numbers: Estimate) -> int:
+        """Number of places along the facet."""
+        return int(numbers.value.shape[numbers.axes.index(self.facet)]) if self.facet else 1
+
     def expand(self, records: Records, looks: style.Looks) -> Iterator[Any]:
         """Panels of one case."""
         pairs = [(record, numbers) for record in records if (numbers := self.numbers(record))]
         if not pairs:
             return
+        if len({self._places(numbers) for _, numbers in pairs}) > 1:
+            raise ValueError(f"overlay: each case has another number of places along '{self.facet}'")
         first, numbers = pairs[0]
         everything = np.concatenate([numbers.value.ravel() for _, numbers in pairs])
-        count = numbers.value.shape[numbers.axes.index(self.facet)] if self.facet else 1
+        count = self._places(numbers)
         names = names_along(first, self.facet, count) if self.facet else [""]
         shown = [record for record, _ in pairs]
-        drawn = [
-            self.then(self._plot(pairs, looks, place, names[place]), shown, place)
-            for place in range(count)
-            if any(self.only(record, place) for record in shown)
-        ]
+        drawn: list[Any] = []
+        for place in (place for place in range(count) if any(self.only(record, place) for record in shown)):
+            plot = self._plot(pairs, looks, place, names[place])
+            finished = self.then(plot, shown, place)
+            fact = _conservation(plot) if self.conserved else ""
+            drawn.append(Same(fact, [finished]) if fact else finished)
         if self.same and (everything == everything[0]).all():
             drawn = [Same(self.same.format(f"{everything[0]:g}"), drawn)]
         yield from drawn
@@ -123,7 +131,7 @@ class CurvePanel(NamedTuple):
             [*drawn, *theory],
             style.long_title(first, self.facet, place),
             self.x or style.axis_label(first, self.over),
-            self.label.format(f=name.strip("$"), name=name) if self.label else " of ".join(filter(None, (text, name))),
+            self._label(text, name),
             scale,
             self.log,
             across=across,
@@ -132,6 +140,14 @@ class CurvePanel(NamedTuple):
             top=self.top,
             own=own,
             entries=list(_shades(first, self.lines)) if self.lines else (),
+        )
+
+    def _label(self, text: str, name: str) -> str:
+        """Label of the vertical axis: as a person named the field, by its template, or its text and a name."""
+        if own := page.current().chosen.get("labels", {}).get(self.field):
+            return style.plain(own)
+        return (
+            self.label.format(f=name.strip("$"), name=name) if self.label else " of ".join(filter(None, (text, name)))
         )
 
     def _lines(
@@ -203,6 +219,18 @@ class CurvePanel(NamedTuple):
         return [], []
 
 
+def _conservation(plot: plots.Plot) -> str:
+    """Fact that all lines of a panel are constant up to rounding; empty if they are not."""
+    lines = [line.y for line in plot.series if len(line.y) > 1]
+    sizes = [float(np.abs(y).max()) for y in lines]
+    if not lines or not all(size < plots.HUGE for size in sizes):  # false also for NaN
+        return ""
+    change = max(float(np.abs(y - y[0]).max()) / (size or 1.0) for y, size in zip(lines, sizes, strict=True))
+    if change > _CONSERVED:
+        return ""
+    return f"{plot.y} conserved" + (f" to ${style.number(float(f'{change:.0e}'))}$" if change else "")
+
+
 def _shades(record: Any, axis: str) -> Iterator[plots.LegendEntry]:
     """Entries of the legend for the places along an axis whose lines differ in shade; none for a single one."""
     values = record.get(axis)
@@ -212,6 +240,7 @@ def _shades(record: Any, axis: str) -> Iterator[plots.LegendEntry]:
         yield shade, style.value_of(axis, values[row])
 
 
+_CONSERVED = 1e-11  # relative changes along a path that are those of rounding
 _DENSE, _FINE = 50, 400  # values of theory from which on a line is drawn through them, and those of a formula
 _SOMETIMES = {"color": "black", "marker": "+", "markersize": 8, "linestyle": "none", "zorder": 4}
 
@@ -234,6 +263,16 @@ def order_of(field: str = "order") -> Callable[[Any, int, int], str]:
     return note
 
 
+def overlaid(cases: Sequence[Records]) -> Records:
+    """Records of all cases as those of one, with the title of the case in place of, or before, that of the scheme."""
+    for axis in ("function", "quantity"):
+        names = {tuple(map(str, values)) for case in cases for one in case if (values := one.get(axis)) is not None}
+        if len(names) > 1:
+            raise ValueError(f"overlay: each case has other names of {axis}s; give all of them the same ones")
+    alone = all(len(case) == 1 for case in cases)
+    return [replace(one, about=style.in_overlay(one.about, alone)) for case in cases for one in case]
+
+
 class OwnPanels(NamedTuple):
     """Panels that a function of the kind makes, of the records of a case and the looks of schemes.
 
@@ -250,13 +289,17 @@ class Figures(NamedTuple):
     facts: Sequence[str] | Callable[[Any], dict[str, str]] = ()  #: fields of the record that stand above the figure
 
     @np.errstate(all="ignore")  # records of paths that diverged hold NaN and infinity
-    def __call__(self, title: str, cases: Sequence[Records]) -> Figure:
-        """Figure of the records of each case."""
-        looks = style.looks(cases)
+    def __call__(self, title: str, cases: Sequence[Records]) -> layout.PanelFigure:
+        """Figure of the records of each case, or of all of them in an overlay."""
         facts = [
             self.facts(records) if callable(self.facts) else style.facts(records[0], *self.facts) for records in cases
         ]
+        if len(cases) > 1 and page.current().overlays_cases():
+            cases = [overlaid(cases)]
+            facts = [dict(item for item in facts[0].items() if all(item in other.items() for other in facts))]
+        looks = style.looks(cases)
         drawn = [self._groups(records, looks, own) for records, own in zip(cases, facts, strict=True)]
+        self._check_shown(cases, looks)
         shared, own = style.split_facts(facts)
         headings = [
             [style.plain(records[0].about.case_title), *texts] for records, texts in zip(cases, own, strict=True)
@@ -278,9 +321,16 @@ class Figures(NamedTuple):
                 facts |= dict(zip(texts, texts, strict=True))
         return [group for group in groups if group] or same
 
+    def _check_shown(self, cases: Sequence[Records], looks: style.Looks) -> None:
+        """Raise ValueError about a panel that a person chose now, and of which the results have no numbers."""
+        for word in page.current().chosen.get("panels", ()):
+            if not any(list(panel.expand(records, looks)) for records in cases for panel in self.panels[word]):
+                remedy = "add to the spec what it shows and run it first, or choose another one"
+                raise ValueError(f"panels: the results have nothing that '{word}' shows; {remedy}")
+
     def _words(self, record: Any) -> Sequence[str]:
-        """Words of the panels that a record asks for, by default all; ValueError for an unknown one."""
-        words = getattr(record, "panels", None) or tuple(self.panels)
+        """Words of the panels that were chosen, or that a record asks for, by default all; ValueError for no panel."""
+        words = page.current().chosen.get("panels") or getattr(record, "panels", None) or tuple(self.panels)
         if unknown := [word for word in words if word not in self.panels]:
             raise ValueError(f"{unknown[0]!r} is not a known panel; known panels: {', '.join(self.panels)}")
-        return words
+        return tuple(words)

@@ -56,6 +56,15 @@ class Series(NamedTuple):
     band: bool = False  #: whether the intervals are a band instead of bars
     note: str = ""  #: a number that belongs to the line in this panel, such as a fitted order
 
+    def within(self, low: float, high: float) -> "Series":
+        """Series from the last place below `low` to the first one above `high`, all of it if there is nothing."""
+        inside = np.flatnonzero((self.x >= low) & (self.x <= high))
+        if not inside.size:
+            return self
+        part = slice(max(inside[0] - 1, 0), inside[-1] + 2)
+        arrays = {name: getattr(self, name) for name in ("x", "y", "low", "high", "poor")}
+        return self._replace(**{name: array[part] for name, array in arrays.items() if array is not None})
+
 
 def series(x: Any, y: Any, look: dict[str, Any], label: str = "", half: Any = None, **more: Any) -> Series:
     """A series with intervals of half the width `half`, in the order of x."""
@@ -97,6 +106,28 @@ class Plot(NamedTuple):
     aspect: float = measures.SCREEN.shape  #: height over width, with labels
     projection: str | None = None
     shared: bool = False  #: whether its vertical axis is that of the panel to the left
+
+    def as_chosen(self) -> "Plot":
+        """Panel with the axes that a person chose, if it has lines; a reference slope is none on linear axes."""
+        chosen, plot = page.current().chosen, self
+        if not self.series:
+            return self
+        log = chosen.get("log", "")
+        if log == "none":
+            plot = plot._replace(log=False, xscale="linear", slopes=(), ylim=None if self.log else self.ylim)
+        elif log:
+            x = np.concatenate([line.x for line in self.series])
+            y = np.concatenate([line.y for line in self.series])
+            if "x" in log and self.xscale == "linear" and (x > 0).any():
+                plot = plot._replace(xscale="log", xlim=None)
+            if "y" in log and not self.log and (y[np.isfinite(y)] > 0).any():
+                plot = plot._replace(log=True, ylim=None, zero=False)
+        if "xlim" in chosen:
+            low, high = chosen["xlim"]
+            seen = tuple(line.within(low, high) for line in plot.series)
+            bounds = None if plot.ylim is None else plot.ylim
+            plot = plot._replace(xlim=(low, high), series=seen, ylim=bounds)
+        return plot._replace(ylim=chosen["ylim"]) if "ylim" in chosen else plot
 
     def draw(self, ax: Axes) -> tuple[list[LegendEntry], list[End]]:
         """Draw on an axes; returns the entries of its legend and the ends of its lines."""

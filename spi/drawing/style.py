@@ -1,8 +1,10 @@
 """Look of all figures: colours, markers, titles, numbers and words."""
 
+import difflib
 import math
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
 from fractions import Fraction
 from functools import cache
 from typing import Any
@@ -33,14 +35,16 @@ OTHERS = (("v", "#56B4E9"), ("P", "#000000"), ("*", "#D55E00"), ("h", "#0072B2")
 SEQUENCES = (("o", "s", "^", "v", "p", "h"), ("D", "<", ">", "P", "X", "*"), ("d", "8", "H", "x", "+", "1"))
 RAMPS = ("plasma", "viridis", "cividis")
 
-SYMBOLS = {
-    "sigma": r"\sigma",
+GREEK = (
+    *("alpha", "beta", "gamma", "delta", "zeta", "eta", "theta", "kappa", "lambda", "mu", "nu", "xi", "rho", "sigma"),
+    *("tau", "phi", "chi", "psi", "omega", "Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Phi", "Psi"),
+    "Omega",
+)
+SYMBOLS = {name: rf"\{name}" for name in GREEK} | {
     "inertia": "I",
     "noise_inertia": r"\hat{I}",
     "epsilon": r"\varepsilon",
     "eps": r"\varepsilon",
-    "beta": r"\beta",
-    "nu": r"\nu",
 }
 
 #: The labels of horizontal axes.
@@ -79,7 +83,19 @@ def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
         ramps += 1
         for i, variant in enumerate(sorted(variants, key=lambda variant: variants[variant])):
             chosen[variant] = markers[i % len(markers)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
-    return chosen
+    return _in_colours(chosen, [variant for variants in members.values() for variant in variants])
+
+
+def _in_colours(looks: Looks, variants: Sequence[str]) -> Looks:
+    """Looks in the colours that a person chose for variants, in their order or by name."""
+    colours = page.current().chosen.get("colors", ())
+    if not isinstance(colours, Mapping):
+        colours = dict(zip(variants, colours, strict=False))
+    if unknown := next((name for name in colours if name not in (*variants, *looks)), None):
+        near = difflib.get_close_matches(unknown, variants, 1)
+        right = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(variants)}"
+        raise ValueError(f"colors: has '{unknown}'; {right}")
+    return looks | {name: (looks[name][0], to_hex(colour)) for name, colour in colours.items()}
 
 
 def shade(colour: str, i: int, count: int) -> str:
@@ -104,19 +120,38 @@ def label(about: Description, with_eps: bool = True) -> str:
     return ", ".join([text, *[about.extrapolation] * (about.extrapolate > 0)])
 
 
+def in_overlay(about: Description, alone: bool) -> Description:
+    """Description of a record in a panel with those of other cases; `alone`: each case has one."""
+    title = about.swept.title if about.swept else about.case_title
+    own = about.owner if alone else f"{about.owner}/{about.variant}"
+    return replace(about, variant=own, scheme_label=title if alone else f"{title}, {about.scheme_label}")
+
+
+def named(name: str, variables: tuple[str, ...] = ()) -> str:
+    """Name of a function or quantity in mathematics: the label that a person chose, or the name set as such."""
+    label = page.current().chosen.get("labels", {}).get(name)
+    if label is None:
+        return maths(name, variables)
+    parts = plain(label).split("$")  # every other one is mathematics already
+    spaced = [part.replace(" ", r"\ ") for part in parts]
+    return "$" + "".join(part if i % 2 else rf"\mathrm{{{part}}}" for i, part in enumerate(spaced) if part) + "$"
+
+
 def symbol(name: str) -> str:
     """Symbol of a parameter in mathtext, with an index where its name has one; empty if it has none."""
     return SYMBOLS.get(name) or (name if len(name) == 1 else _indexed(name))
 
 
 def _indexed(name: str) -> str:
-    """A letter with its index in mathtext: `w0`, `Jx`, `y_2`, `x(1)` and `h(1,0)`; empty for another name."""
-    found = re.fullmatch(r"([A-Za-z])(?:_?(\d+|[xyz])|\(([\d,]+)\))", name)
-    return f"{found[1]}_{{{found[2] or found[3]}}}" if found else ""
+    """A letter with its index in mathtext: `w0`, `Jx`, `y_2`, `mu1`, `x(1)` and `h(1,0)`; empty for another name."""
+    found = re.fullmatch(rf"([A-Za-z]|{'|'.join(GREEK)})(?:_?(\d+|[xyz])|\(([\d,]+)\))", name)
+    return f"{SYMBOLS.get(found[1], found[1])}_{{{found[2] or found[3]}}}" if found else ""
 
 
 def word(name: str) -> str:
-    """Label of a parameter on an axis, in mathtext if there is a symbol for it."""
+    """Label of a parameter on an axis: one that a person chose, or in mathtext if there is a symbol for it."""
+    if label := page.current().chosen.get("labels", {}).get(name):
+        return plain(label)
     named = symbol(name)
     return f"${named}$" if named else plain(name.replace("_", " "))
 
@@ -136,7 +171,11 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
         fig.set_size_inches(width, layout.height or 1.3 * height)  # which is fitted when all is drawn
         fig.set_layout_engine(ConstrainedLayoutEngine(**pads))
         return
-    titles = wrapped(plain(title).split(), " ", "figure.titlesize", width)
+    if page.current().chosen.get("title") is False:
+        fig.set_size_inches(width, layout.height or height)
+        fig.set_layout_engine(ConstrainedLayoutEngine(**pads))
+        return
+    titles = wrapped((word.rstrip() for word in WORD.findall(plain(title))), " ", "figure.titlesize", width)
     lines = wrapped(parameters, ",  ", "legend.fontsize", width)
     top = layout.heading + layout.title_line * len(titles) + layout.facts_line * len(lines)
     height = layout.height or height + top
@@ -296,7 +335,7 @@ def number(value: float | tuple[float | None, ...] | list[float | None] | None, 
         if len(shown) > _MOST_ENTRIES:
             shown = [*shown[:4], r"\ldots", shown[-1]]
         return "(" + r",\,".join(shown) + ")"
-    if value is None or math.isnan(value):
+    if value is None:  # a noise
         return r"\mathrm{off}"
     if steps and math.frexp(value)[0] == 0.5:
         return f"2^{{{math.frexp(value)[1] - 1}}}"
@@ -341,7 +380,7 @@ _COMMANDS = ("cos", "cosh", "exp", "log", "max", "min", "pi", "sin", "sinh", "ta
 
 
 def _word(name: str) -> str:
-    return f"\\{name} " if name in _COMMANDS else r"\mathrm{" + name.replace("_", r"\ ") + "}"
+    return f"\\{name} " if name in (*_COMMANDS, *GREEK) else r"\mathrm{" + name.replace("_", r"\ ") + "}"
 
 
 @cache
@@ -354,11 +393,7 @@ def maths(text: str, variables: tuple[str, ...] = ()) -> str:
         words = text.split()
         return " ".join(maths(word, variables) if re.search(r"\by\d|[<>=^]", word) else plain(word) for word in words)
     typeset = f"${formula(text, variables)}$"
-    try:
-        MathTextParser("path").parse(typeset)
-    except ValueError:
-        return plain(text)
-    return typeset
+    return typeset if _parses(typeset) else plain(text)
 
 
 def long_title(record: Any, facet: str, place: int) -> str:
@@ -383,6 +418,8 @@ def value_of(axis: str, value: float) -> str:
 
 def axis_label(record: Any, axis: str) -> str:
     """Label of a horizontal axis."""
+    if label := page.current().chosen.get("labels", {}).get(axis):
+        return plain(label)
     return word(record.word) if axis == "value" else AXES.get(axis, axis)
 
 
@@ -391,9 +428,7 @@ def _component(number: int, variables: tuple[str, ...]) -> str:
     if number > len(variables):
         return f"y_{{{number}}}"
     name = variables[number - 1]
-    if len(name) == 1:
-        return name
-    return _indexed(name) or r"\mathrm{" + name.replace("_", r"\_") + "}"
+    return symbol(name) or r"\mathrm{" + name.replace("_", r"\_") + "}"
 
 
 def _constant(value: float) -> str:
@@ -403,6 +438,26 @@ def _constant(value: float) -> str:
     return number(value)
 
 
+@cache
 def plain(text: str) -> str:
-    """A text of the user, in which a dollar is a dollar, without U+FEFF: matplotlib cannot write that to a PDF."""
-    return text.replace("$", r"\$").replace("\ufeff", "")
+    """A text of the user, with its mathematics between dollars, as in ``at $\\lambda = 4$``; others are dollars.
+
+    Those of mathematics stand close to it, and no digit follows.  U+FEFF is left out, which no PDF can have.
+    """
+    parts = _MATHEMATICS.split(text.replace("\ufeff", ""))
+    return "".join(part if i % 2 and _parses(part) else part.replace("$", r"\$") for i, part in enumerate(parts))
+
+
+_MATHEMATICS = re.compile(r"(\$(?! )[^$]*(?<! )\$(?!\d))")
+
+
+def _parses(text: str) -> bool:
+    """Whether matplotlib can set a text as mathematics."""
+    try:
+        MathTextParser("path").parse(text)
+    except ValueError:
+        return False
+    return len(text) > len("$$")
+
+
+WORD = re.compile(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+\s*")  #: of a text, in which a formula is one

@@ -2,17 +2,17 @@
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import numpy as np
 from matplotlib import colors
-from matplotlib.figure import Figure
 
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..statistics.claims import AT_MOST, Sort
-from ..statistics.curves import Curve
+from ..statistics.curves import Curve, crossings
 from . import layout, page, plots, style
 
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), "-.")  #: of estimators
@@ -36,13 +36,18 @@ def draw(
     sorts: Mapping[str, Sort],
     texts: Mapping[str, str] = {},
     references: Mapping[str, str] = {},
-) -> Figure:
+) -> layout.PanelFigure:
     """Figure of cases that are swept: each quantity over the values.
 
     `sorts` has the sort of each quantity, `texts` the formulas of test functions, `references` those of their means.
     """
+    if len(cases) > 1 and page.current().overlays_cases():
+        cases = [_overlaid(cases)]
     every: Any = [curve for _, curves, _ in cases for curve in curves]
     looks, estimators = style.looks([every]), list(dict.fromkeys(curve.about.estimator for curve in every))
+    steps = {curve.h for curve in every}
+    if (shared := steps.pop() if len(steps) == 1 else None) is not None:
+        cases = [(name, curves, [*facts, style.value_of("h", shared)]) for name, curves, facts in cases]
 
     def panels(curves: Sequence[Curve]) -> list[list[plots.Plot]]:
         """A group for each quantity where it has several test functions, else one for all."""
@@ -50,14 +55,39 @@ def draw(
         for curve in curves:
             by_name.setdefault(curve.name, {}).setdefault(curve.function, []).append(curve)
         return [
-            [_over(some, looks, estimators, sorts, texts, references) for some in functions.values()]
+            [_over(some, looks, estimators, sorts, texts, references, shared) for some in functions.values()]
             for functions in by_name.values()
         ]
 
     return _arranged(title, cases, panels)
 
 
-def draw_maps(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> Figure:
+def _overlaid(cases: Sequence[Case]) -> Case:
+    """Curves of all cases as those of one."""
+    words = {curve.word: name for name, curves, _ in cases for curve in curves}
+    if len(words) > 1:
+        raise ValueError(f"overlay: each case is swept over another word, {' and '.join(words)}")
+    alone = all(len({curve.about.variant for curve in curves}) == 1 for _, curves, _ in cases)
+    own = [curve._replace(about=style.in_overlay(curve.about, alone)) for _, curves, _ in cases for curve in curves]
+    return "", own, [fact for fact in cases[0][2] if all(fact in facts for _, _, facts in cases)]
+
+
+def each_value(curve: Curve) -> list[Curve]:
+    """Curves over the first of two swept parameters, one for each value of the second."""
+    values = sorted({point.about.swept.second_value for point in curve.points if point.about.swept})
+    return [_at_second(curve, value) for value in values]
+
+
+def _at_second(curve: Curve, value: float) -> Curve:
+    points = tuple(point for point in curve.points if point.about.swept and point.about.swept.second_value == value)
+    about, text = points[0].about, style.value_of(curve.second_word, value)
+    label = f"{about.scheme_label}, {text}" if curve.about.scheme_label else text
+    swept = about.swept and replace(about.swept, second_word="", second_value=math.nan)
+    own = replace(about, variant=f"{about.variant}/{value:g}", scheme_label=label, swept=swept)
+    return curve._replace(points=points, about=own)
+
+
+def draw_maps(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> layout.PanelFigure:
     """Figure of cases in which two parameters are swept: each quantity as a map over both, for each scheme."""
     several = len({curve.about.variant for _, curves, _ in cases for curve in curves}) > 1
 
@@ -67,7 +97,9 @@ def draw_maps(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> F
     return _arranged(title, cases, panels)
 
 
-def _arranged(title: str, cases: Sequence[Case], panels: Callable[[Sequence[Curve]], list[list[plots.Plot]]]) -> Figure:
+def _arranged(
+    title: str, cases: Sequence[Case], panels: Callable[[Sequence[Curve]], list[list[plots.Plot]]]
+) -> layout.PanelFigure:
     shared = [fact for fact in cases[0][2] if all(fact in facts for _, _, facts in cases)]
     drawn = [
         ([style.plain(name), *(fact for fact in facts if fact not in shared)], panels(curves))
@@ -88,6 +120,7 @@ def _over(
     sorts: Mapping[str, Sort],
     texts: Mapping[str, str],
     references: Mapping[str, str],
+    shared: float | None,
 ) -> plots.Plot:
     """One quantity over the parameter, with 95 % intervals; values by theory as marks, formulas as dashed curves."""
     first = curves[0]
@@ -114,11 +147,43 @@ def _over(
         first._replace(look=first.look | {"color": plots.GREY} if others else first.look)
         for first, *others in theory.values()
     ]
-    label = _label(curves)
-    title = style.definition(first.function, texts.get(first.function, first.function), first.about.variables)
-    if not title and first.function and "$" not in label.split(" at ")[0]:
+    label, named = _label(curves, sorts, shared), first.name in sorts and sorts[first.name].named
+    title = (
+        ""
+        if named
+        else style.definition(first.function, texts.get(first.function, first.function), first.about.variables)
+    )
+    if not title and not named and first.function and "$" not in label.split(" at ")[0]:
         title = style.maths(first.function, first.about.variables)
-    return plots.Plot(lines, title, _parameter(first), label, at.scale, is_log, own=at.dress)
+    crossing = page.current().chosen.get("crossing") in (first.function or first.name, first.name)
+    marked = _crossing(curves, at) if crossing else []
+    return plots.Plot(lines, title, _parameter(first), label, at.scale, is_log, own=_dressed(at, marked))
+
+
+def _dressed(at: plots.Places, marked: Sequence[tuple[float, float, str]]) -> plots.Draw:
+    """A function that writes the ticks of the parameter and marks values with their intervals."""
+
+    def own(ax: plots.Axes) -> list[plots.LegendEntry]:
+        entries = at.dress(ax)
+        for place, half, text in marked:
+            ax.axvspan(place - half, place + half, color=plots.GREY, alpha=0.2, linewidth=0, zorder=0.5)
+            entries.append((ax.axvline(place, color=plots.GREY, linewidth=0.9, zorder=1), text))
+        return entries
+
+    return own
+
+
+def _crossing(curves: Sequence[Curve], at: plots.Places) -> list[tuple[float, float, str]]:
+    """Where two lines cross, with half the 95 % interval and both as text; ValueError where there are not two lines."""
+    if len(curves) != 2 or not np.array_equal(at.values, at.at):
+        raise ValueError(f"crossing: needs two lines over a number, and there are {len(curves)}; give overlay: cases")
+    word = style.symbol(curves[0].word) or curves[0].word
+    marked = []
+    for value, half in crossings(*curves):
+        digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 6  # two of the half width, rounded up
+        rounded = math.ceil(half * 10**digits - 1e-9) / 10**digits
+        marked.append((value, half, rf"crossing at ${word}={value:.{digits}f}\pm{rounded:.{digits}f}$"))
+    return marked
 
 
 def _parameter(curve: Curve) -> str:
@@ -179,14 +244,18 @@ def _is_error(curve: Curve, sorts: Mapping[str, Sort]) -> bool:
     return curve.name in sorts and sorts[curve.name].sense == AT_MOST
 
 
-def _label(curves: Sequence[Curve]) -> str:
-    """Label of a panel: its quantity, and at which step size."""
+def _label(curves: Sequence[Curve], sorts: Mapping[str, Sort], shared: float | None) -> str:
+    """Label of a panel: its quantity, and at which step size unless all panels `shared` that."""
     first, steps = curves[0], {curve.h for curve in curves}
-    name = style.plain(first.label)
-    if first.function and first.name in _EXPECTATIONS:
-        function = style.maths(first.function, first.about.variables).strip("$")
+    name, labels = style.plain(first.label), page.current().chosen.get("labels", {})
+    function = style.named(first.function, first.about.variables).strip("$")
+    if first.name in labels:
+        name = style.plain(labels[first.name])
+    elif first.function and first.name in _EXPECTATIONS:
         name = f"${_EXPECTATIONS[first.name]}[{function}]$"
-    if steps == {None}:
+    elif first.function in labels or (first.name in sorts and sorts[first.name].named):
+        name = f"${function}$"
+    if steps in ({None}, {shared}):
         return name
     h = steps.pop() if len(steps) == 1 else None
     return f"{name} at the smallest $h$" if h is None else f"{name} at {style.value_of('h', h)}"

@@ -355,16 +355,19 @@ def state_fault(model, y):
 def geometry(model):
     """What the components of a state belong to: a mapping that JSON can hold, whose entry ``on`` says on what they are.
 
-    {"on": "torus", "modes": N}: modes of a field, in the order of ``sine_euler``.  {"on": "lattice", ...}: three
-    components for each site; ``sites`` of a cell, the same as ``fractions`` of the ``vectors``, ``size`` in cells, and
-    whether it is ``periodic``.
+    {"on": "torus", "modes": N}: modes of a field, in the order of ``sine_euler``, and of as many others as ``tracers``
+    says.  {"on": "lattice", ...}: three components for each site; ``sites`` of a cell, the same as ``fractions`` of the
+    ``vectors``, ``size`` in cells, and whether it is ``periodic``.
     """
     return {}
 
 
 @method(optional=True, compiled=False)
 def observables(model):
-    """{name: function of states (d, ...)} besides H and the Casimir functions."""
+    """{name: function of states (d, ...)} besides H and the Casimir functions.
+
+    A ``spi.expressions.Family`` in place of a function has numbers as arguments in formulas.
+    """
 
 
 @method(optional=True)

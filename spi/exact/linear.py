@@ -88,7 +88,7 @@ class Linear(NamedTuple):
         with uncompiled():
             if (drift := of_field(drift_field, 1.0)) is None:
                 return None
-            noises = [of_field(noise_field, sigma[k], k) for k in noise_indices(model) if sigma[k]]
+            noises = [of_field(noise_field, sigma[k], k) for k in noise_indices(model)]
         return None if None in noises else cls(drift, tuple(noise for noise in noises if noise is not None))
 
     def generator(self, f: MomentPolynomial) -> MomentPolynomial:

@@ -20,10 +20,11 @@ from spi.numerics import arrays
 from spi.numerics.arrays import of_array, whole_power
 
 from .arithmetic import COMPARISONS, NumberError, Numbers, read
-from .ranges import FUNCTIONS, TAKEN, Words
+from .ranges import FUNCTIONS, TAKEN, Words, parts
 
 __all__ = [
     "Constant",
+    "Family",
     "Observable",
     "as_numpy",
     "canonical",
@@ -63,6 +64,12 @@ class Observable(NamedTuple):
 
     name: str
     values: Callable  #: of states (d, ...)
+
+
+class Family(NamedTuple):
+    """Functions of the state that have a name and numbers as arguments, as E(3)."""
+
+    member: Callable  #: of the numbers: a function of states (d, ...); NumberError where there is none
 
 
 class Each(NamedTuple):
@@ -210,10 +217,12 @@ class _Trees(Words, Numbers):
         components = {f"y{k + 1}": Component(k) for k in range(within)}
         self.named = {name: Component(k) for k, name in enumerate(names)}
         words = {word: value for word, value in (words or {}).items() if word not in TAKEN}
+        self.with_arguments = {word: words.pop(word) for word in [*words] if isinstance(words[word], Family)}
         observables = {word: value for word, value in words.items() if isinstance(value, Observable)}
         self.constants = {**Numbers.constants, **words, **components, **self.named, **observables}
         self.indices = {word: value for word, value in words.items() if isinstance(value, int)}
         self.families = {name.partition("(")[0] for name in names if "(" in name}
+        self.families |= {*self.with_arguments}
         if "y" not in self.constants:
             self.families |= {"y"}
         self.state = f"y1 .. y{within}" if dimension > 1 else "only y1"
@@ -226,6 +235,16 @@ class _Trees(Words, Numbers):
         k = name.removeprefix("y(").removesuffix(")")
         return Component(int(k) - 1) if k.isdigit() and 1 <= int(k) <= self.dimension else None
 
+    def call(self, word, inside):
+        """As of all words; of a family the member with these numbers, which may be indices of ranges."""
+        if word not in self.with_arguments:
+            return super().call(word, inside)
+        arguments = [read(part, self) for part in parts(inside)]
+        if any(_is_tree(a) or isinstance(a, complex) for a in arguments):
+            raise NumberError(f"'{word}' takes numbers")
+        name = f"{word}({','.join(map(repr, arguments))})"
+        return self.counted(Observable(name, self.with_arguments[word].member(*arguments)))
+
     def counted(self, record):
         """Record; NumberError if there are too many."""
         if next(self.records) > _MOST_RECORDS:
@@ -233,6 +252,8 @@ class _Trees(Words, Numbers):
         return record
 
     def unknown(self, word):
+        if word in self.with_arguments:
+            return NumberError(f"'{word}' without parentheses")
         if self.dimension and re.fullmatch("[yY][0-9]+", word):
             return NumberError(f"unknown word '{word}', the state has {self.state}")
         return super().unknown(word)

@@ -191,6 +191,33 @@ def without_ranges(texts: list[Any], words: Mapping[str, float]) -> list[Any]:
     return numbers
 
 
+def numbered(functions: Mapping[str, Any], words: Mapping[str, float]) -> dict[str, Any]:
+    """Formulas by name in which ``E(k) for k = 1..3`` under the name E has become E1, E2 and E3.
+
+    Those of several indices are E1_2 and so on, and -1 is m1.  Of the `words` those with whole values may stand in
+    ranges.  NumberError if a range cannot be read, or if two functions have one name.
+    """
+    algebra, each = _Indices({word: k for word, k in words.items() if isinstance(k, int)}), dict[str, Any]()
+    for name, text in functions.items():
+        ranged = isinstance(text, str) and has_range(outside(text))
+        for number, body in _by_numbers(text, algebra) if ranged else [("", text)]:
+            if name + number in each:
+                raise NumberError(f"there are two functions {name + number}")
+            each[name + number] = body
+    return each
+
+
+def _by_numbers(text: str, algebra: Words) -> Iterator[tuple[str, str]]:
+    """(values of the indices as part of a name, body with these in place of the indices)."""
+
+    def with_values(body: str, values: Mapping[str, int]) -> str:
+        return re.sub(r"[A-Za-z_]\w*", lambda word: str(values.get(word[0], word[0])), body).strip()
+
+    for body, inner in repeated(text, algebra):
+        values = {word: k for word, k in inner.indices.items() if word not in algebra.indices}
+        yield "_".join(map(str, values.values())).replace("-", "m"), with_values(body, values)
+
+
 def written_out(functions: Mapping[str, Any], words: Container[str]) -> dict[str, Any]:
     """Formulas by name in which the names of others stand for their formulas; words with a meaning of their own stay.
 

@@ -7,7 +7,7 @@ A kind is a folder, or one file, with four modules, which are imported when they
   ``spi.kinds.plans.Plan`` that is ready to run; and perhaps ``remarks(case)``, warnings about what is left out or
   changed;
 * ``results``: ``Record``, a subclass of ``spi.storage.stored.Stored``, the one description of what a study gives, and a
-  file holds, of a part; and perhaps ``rows(readings)``, rows of CSV and JSON beside those of each record;
+  file holds, of a part;
 * ``figure``: ``draw = Figures(PANELS, FACTS)``, see ``spi.drawing.panels``, and perhaps a function ``film``.
 
 A new kind is such a folder or file in a plug-in, see ``spi.plugins``.

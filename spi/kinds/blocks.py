@@ -3,7 +3,7 @@
 import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -20,10 +20,10 @@ from spi.numerics.rng import LANES
 from spi.schemes import typical_ns
 from spi.statistics.accumulators import Sums
 from spi.statistics.estimators import ROUND, group_counts, jackknife_stderr, mean_over_paths
-from spi.statistics.tallies import Chunk, PathSet, chunk_blocks
+from spi.statistics.tallies import Batch, Chunk, PathSet, chunk_blocks
 from spi.storage.stored import Array, Described, array
 
-from .plans import Done, PartCost, PathsPlan, Plan, State
+from .plans import Done, KernelCall, PartCost, Plan, State, path_grid
 
 
 def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[Any], int], most: int) -> Iterator[Any]:
@@ -44,16 +44,16 @@ def in_batches(state: Any, advance: Callable[[Any, int], Any], left: Callable[[A
 BATCH_BYTES = 64e6  #: of the contributions of a batch
 
 
-class _Batch(NamedTuple):
-    """State of a path set after a batch."""
+class _Reached(NamedTuple):
+    """Where the computation of a path set is after a batch."""
 
     block: int  #: the next one
     sums: Any  #: of the chunk of the last block
     added: list[tuple[Chunk, Any]]
 
 
-class Blockwise(Plan):
-    """Base of all plans that sum up paths block after block."""
+class BatchedPlan(Plan):
+    """Base of the two that follow: chunks are computed in batches of blocks, of which a study says what it observes."""
 
     sums: ClassVar[type[Sums]]  #: what is summed up
 
@@ -74,23 +74,23 @@ class Blockwise(Plan):
         """Largest number of blocks of any path set in a batch, because of memory."""
         return 2**62
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
-        """Contributions of `blocks` blocks of a path set from `first` on; paths from number `end` on are idle.
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        """Contributions of a batch: an array for each field of the sums, the axis of the blocks first.
 
-        By default an array for each field of the sums, the axis of the blocks first.
+        Others where :meth:`added` makes those of them.
         """
         raise NotImplementedError
 
-    def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
-        """Sums with the contributions `at`, of which the first is that of block `first`.
+    def added(self, sums: Any, contributions: dict[str, Array], batch: Batch) -> Any:
+        """Sums with the contributions of a batch, or of those of its blocks that belong to one chunk.
 
         Times are added elsewhere.  One row after the other, so that the bits do not depend on how blocks are divided
         into batches.
         """
-        return sums.with_blocks(contributions, at, first, end)
+        return sums.with_batch(contributions, batch)
 
-    def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
-        """Sums with the time that `blocks` blocks took, from block `first` on."""
+    def timed(self, sums: Any, batch: Batch, seconds: float, cpu_seconds: float) -> Any:
+        """Sums with the time that a batch took."""
         return sums._replace(seconds=sums.seconds + seconds, cpu_seconds=sums.cpu_seconds + cpu_seconds)
 
     def advance(self, chunks: Sequence[Chunk], started: Any | None) -> Iterator[list[tuple[Chunk, Any]]]:
@@ -100,39 +100,49 @@ class Blockwise(Plan):
                 call.kernel(*call.arguments)
         number, last = chunks[0].path_set, chunks[-1].first + chunks[-1].blocks
         sums = self.empty(number) if started is None else started
-        begin = _Batch(chunks[0].first + sums.paths // LANES, sums, [])
+        begin = _Reached(chunks[0].first + sums.paths // LANES, sums, [])
         advance, most = partial(self._batch, chunks), min(self.most_blocks(number), self.most_at_once)
-        for batch in in_batches(begin, advance, lambda batch: last - batch.block, most):
-            yield batch.added
+        for reached in in_batches(begin, advance, lambda reached: last - reached.block, most):
+            yield reached.added
 
-    def _batch(self, chunks: Sequence[Chunk], before: _Batch, blocks: int) -> _Batch:
+    def _batch(self, chunks: Sequence[Chunk], before: _Reached, blocks: int) -> _Reached:
         """The next `blocks` blocks, which may belong to several chunks."""
+        batch = Batch(chunks[0].path_set, before.block, blocks, chunks[-1].end)
         began, cpu_began = time.perf_counter(), time.process_time()
         with compiling() as clock:  # kernels of functions and of initial states, which no plan names beforehand
-            pieces = self._pieces(chunks, before, blocks)
+            pieces = self._pieces(chunks, before.sums, batch)
         spent = time.perf_counter() - began - clock.seconds, time.process_time() - cpu_began - clock.cpu_seconds
         added = [
-            (chunk, self.timed(sums, first, last - first, *((last - first) / blocks * seconds for seconds in spent)))
-            for chunk, first, last, sums in pieces
+            (chunk, self.timed(sums, part, *(part.blocks / blocks * seconds for seconds in spent)))
+            for chunk, part, sums in pieces
         ]
-        return _Batch(before.block + blocks, added[-1][1], added)
+        return _Reached(batch.first + blocks, added[-1][1], added)
 
-    def _pieces(self, chunks: Sequence[Chunk], before: _Batch, blocks: int) -> list[tuple[Chunk, int, int, Any]]:
-        """(chunk, first block, end of blocks, its sums) of the chunks to which the next blocks belong."""
-        number, end = chunks[0].path_set, chunks[-1].end
-        contributions = self.observe(number, before.block, blocks, end)
+    def _pieces(self, chunks: Sequence[Chunk], sums: Any, batch: Batch) -> list[tuple[Chunk, Batch, Any]]:
+        """(chunk, its blocks of the batch, its sums) of each chunk of a batch; `sums` are those before it."""
+        contributions = self.observe(batch)
         size = chunks[0].blocks  # only the last chunk of a path set can have fewer
-        pieces: list[tuple[Chunk, int, int, Any]] = []
-        first, stop, sums = before.block, before.block + blocks, before.sums
+        pieces: list[tuple[Chunk, Batch, Any]] = []
+        first, stop = batch.first, batch.first + batch.blocks
         while first < stop:
             chunk = chunks[(first - chunks[0].first) // size]
             last = min(stop, chunk.first + chunk.blocks)
-            sums = self.empty(number) if first == chunk.first else sums
-            sums = self.added(sums, contributions, slice(first - before.block, last - before.block), first, end)
-            sums = sums._replace(paths=min(last * LANES, end) - chunk.first * LANES)
-            pieces.append((chunk, first, last, sums))
+            part, at = batch.part(first, last - first), slice(first - batch.first, last - batch.first)
+            sums = self.empty(batch.path_set) if first == chunk.first else sums
+            sums = self.added(sums, {name: rows[at] for name, rows in contributions.items()}, part)
+            sums = sums._replace(paths=min(last * LANES, batch.end) - chunk.first * LANES)
+            pieces.append((chunk, part, sums))
             first = last
         return pieces
+
+
+def integrated_batch(
+    p: Plan, grid: TimeGrid, stream: Any, batch: Batch, *observer: Any
+) -> tuple[np.ndarray, np.ndarray]:
+    """States of a batch of a plan's paths after the last step of a grid, and the reports of the scheme."""
+    of = p.scheme, p.model, p.initial, grid, stream
+    states, report = integrated(*of, batch.first, batch.blocks, batch.end, *observer)
+    return states, report
 
 
 def paths_moved(model: Any, samples: int) -> int:
@@ -141,8 +151,36 @@ def paths_moved(model: Any, samples: int) -> int:
 
 
 @dataclass(frozen=True, kw_only=True)
-class BlocksPlan(PathsPlan, Blockwise):
-    """Base of all plans with one set of paths, on one grid, that are summed up block after block."""
+class SampledPlan(BatchedPlan):
+    """Base of all plans that sum up one set of paths, of one scheme, on one grid."""
+
+    @property
+    def samples(self) -> int:
+        """Number of paths."""
+        return int(self.case.samples)
+
+    @cached_property
+    def grid(self) -> TimeGrid:
+        """Times of the paths and their step sizes, from the largest to the smallest, which is the reference."""
+        return path_grid(self.case, self.part, self.case.step)
+
+    @property
+    def blocks(self) -> int:
+        """Number of blocks of LANES paths, the last one perhaps partly idle."""
+        return -(-self.samples // LANES)
+
+    @property
+    def steps(self) -> np.ndarray:
+        """(levels,) the number of steps of each step size of the grid, the reference last."""
+        return self.grid.reference_steps >> self.grid.doublings
+
+    def kernel_calls(self) -> list[KernelCall]:
+        """One step of one block."""
+        return self.calls_of_a_step(self.grid, self.stream)
+
+    def paths_on(self) -> list[tuple[TimeGrid, Any]]:
+        """All paths."""
+        return [(self.grid, self.stream)]
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """All paths."""
@@ -165,22 +203,19 @@ class BlocksPlan(PathsPlan, Blockwise):
         ns = steps * typical_ns(self.row, self.model) + self.blocks * LANES * _ns_to_draw(self.initial)
         return PartCost(steps, 1e-9 * ns, int(BATCH_BYTES) + sums)
 
-    def integrated(self, first: int, blocks: int, end: int, *observer: Any) -> tuple[np.ndarray, np.ndarray]:
-        """States of some blocks after the last step, and the reports of the scheme."""
-        states, report = integrated(
-            self.scheme, self.model, self.initial, self.grid, self.stream, first, blocks, end, *observer
-        )
-        return states, report
+    def integrated(self, batch: Batch, *observer: Any) -> tuple[np.ndarray, np.ndarray]:
+        """States of a batch after the last step, and the reports of the scheme."""
+        return integrated_batch(self, self.grid, self.stream, batch, *observer)
 
-    def recorded(self, first: int, blocks: int, end: int, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
-        """States of some blocks at t = 0 and after every so many steps of the largest size, and the reports.
+    def recorded(self, batch: Batch, every: int = 1) -> tuple[np.ndarray, np.ndarray]:
+        """States of a batch at t = 0 and after every so many steps of the largest size, and the reports.
 
         The states are (blocks, levels * stored, d * LANES), those of one step size behind those of another.
         """
         stored, levels = 1 + int(self.steps[0]) // every, len(self.steps)
-        y = np.empty((blocks, levels * stored, len(self.initial) * LANES))
-        y[:, ::stored] = block_states(self.initial, self.stream, first, blocks)[:, np.newaxis]
-        return y, self.integrated(first, blocks, end, state_recorder(self.grid, y, every))[1]
+        y = np.empty((batch.blocks, levels * stored, len(self.initial) * LANES))
+        y[:, ::stored] = block_states(self.initial, self.stream, batch.first, batch.blocks)[:, np.newaxis]
+        return y, self.integrated(batch, state_recorder(self.grid, y, every))[1]
 
     def ns_per_step(self, sums: Any) -> float:
         """Processor time of a step and path, by that of the paths of the sums at all step sizes, :func:`ns_of`."""
@@ -233,11 +268,9 @@ def stderr_of_means(sums: Any) -> float:
 POWERS = 4  #: number of powers of quantities that are summed up
 
 
-def values_of_blocks(
-    p: Plan, grid: TimeGrid, stream: Any, first_block: int, blocks: int, samples: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Integrate blocks; the values of the test functions at the end (blocks, paths, F, LANES), and the report."""
-    states, report = integrated(p.scheme, p.model, p.initial, grid, stream, first_block, blocks, samples)
+def values_at_end(p: Plan, grid: TimeGrid, stream: Any, batch: Batch) -> tuple[np.ndarray, np.ndarray]:
+    """Integrate a batch; the values of the test functions at the end (blocks, paths, F, LANES), and the report."""
+    states, report = integrated_batch(p, grid, stream, batch)
     y, functions = np.moveaxis(lanes_of(states, len(p.initial)), 2, 0), p.phis
     values = np.empty((*states.shape[:2], len(functions), LANES))
     with np.errstate(all="ignore"):
@@ -277,8 +310,8 @@ def two_steps(antithetic: bool) -> tuple[dict[str, Any], list[float]]:
     return {"doublings": (1, 1, 0, 0), "reversals": reversals}, [-0.5, -0.5, 0.5, 0.5]
 
 
-class SamplesPlan(Blockwise):
-    """Base of all plans that sum up powers of quantities, over samples of several paths."""
+class LevelPlan(BatchedPlan):
+    """Base of all plans that sum up powers of quantities, over samples of several paths, as those of a level."""
 
     @property
     def sets(self) -> Sequence[Sample]:
@@ -288,6 +321,10 @@ class SamplesPlan(Blockwise):
     def wanted(self, extra: Any) -> np.ndarray:
         """(path sets,) the samples that are wanted for now."""
         raise NotImplementedError
+
+    def paths_on(self) -> list[tuple[TimeGrid, Any]]:
+        """Paths of the samples."""
+        return [(sample.grid, sample.stream) for sample in self.sets]
 
     def path_sets(self, extra: Any) -> Sequence[PathSet]:
         """Samples that are wanted for now."""
@@ -302,14 +339,14 @@ class SamplesPlan(Blockwise):
         floats = self.sets[number].weights.shape[1] * (len(self.initial) + 4 * len(self.case.functions))
         return max(1, int(BATCH_BYTES / (8 * LANES * floats)))
 
-    def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
-        """(blocks, paths, F, LANES) the values of the test functions on the paths of some blocks of samples."""
-        sample = self.sets[number]
-        return values_of_blocks(self, sample.grid, sample.stream, first, blocks, end)[0]
+    def values(self, batch: Batch) -> np.ndarray:
+        """(blocks, paths, F, LANES) the values of the test functions on the paths of a batch of samples."""
+        sample = self.sets[batch.path_set]
+        return values_at_end(self, sample.grid, sample.stream, batch)[0]
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
-        """Quantities of some blocks of samples, `sums` (blocks, quantities, F, LANES)."""
-        values, weights = self.values(number, first, blocks, end), self.sets[number].weights
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        """Quantities of a batch of samples, `sums` (blocks, quantities, F, LANES)."""
+        values, weights = self.values(batch), self.sets[batch.path_set].weights
         with np.errstate(invalid="ignore", over="ignore"):
             each = (w[:, np.newaxis, np.newaxis] * values[:, i, np.newaxis] for i, w in enumerate(weights.T))
             return {"sums": np.asarray(sum(each))}

@@ -325,8 +325,13 @@ class Plan:
 
     @property
     def is_random(self) -> bool:
-        """Whether paths differ: by noise of some strength, or by their initial states."""
-        return isinstance(self.initial, RandomState) or bool(np.any(np.asarray(strengths(self.model), float)))
+        """Whether paths differ: by noise, or by their initial states."""
+        return isinstance(self.initial, RandomState) or self.is_noisy
+
+    @property
+    def is_noisy(self) -> bool:
+        """Whether there is noise of some strength."""
+        return bool(np.any(strengths(self.model)))
 
     def initial_states(self, first: int, blocks: int) -> np.ndarray:
         """(d, 1), or (d, paths): y_0 of the paths of some blocks, of which each has its own where that is random."""
@@ -383,6 +388,10 @@ class Plan:
             **self.case.model_dump(exclude=self.case.neutral),
             **own,
         }
+
+    def paths_on(self) -> list[tuple[TimeGrid, Any]]:
+        """Times and increments of the paths of each path set, so far as they are paths of the scheme from y_0 on."""
+        return []
 
     def sizes(self) -> list[int]:
         """Sizes of the part: the paths of each path set at first, or the steps of the only path."""
@@ -442,35 +451,6 @@ def sums_of_chunk(plan: Plan, chunk: Chunk) -> Addable:
 def each_scheme(case: Any) -> list[Part]:
     """Parts of a case that are computed one after the other: each scheme, with each eps that it has."""
     return [Part(scheme, eps=eps) for scheme, eps in case.runs]
-
-
-@dataclass(frozen=True, kw_only=True)
-class PathsPlan(Plan):
-    """Base of all plans whose paths, of one scheme, are integrated on one grid."""
-
-    @property
-    def samples(self) -> int:
-        """Number of paths."""
-        return int(self.case.samples)
-
-    @cached_property
-    def grid(self) -> TimeGrid:
-        """Times of the paths and their step sizes, from the largest to the smallest, which is the reference."""
-        return path_grid(self.case, self.part, self.case.step)
-
-    @property
-    def blocks(self) -> int:
-        """Number of blocks of LANES paths, the last one perhaps partly idle."""
-        return -(-self.samples // LANES)
-
-    @property
-    def steps(self) -> np.ndarray:
-        """(levels,) the number of steps of each step size of the grid, the reference last."""
-        return self.grid.reference_steps >> self.grid.doublings
-
-    def kernel_calls(self) -> list[KernelCall]:
-        """One step of one block."""
-        return self.calls_of_a_step(self.grid, self.stream)
 
 
 def reference_grid(case: Any, part: Part, steps: Sequence[float], areas: bool = True) -> TimeGrid:

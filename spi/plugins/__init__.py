@@ -44,7 +44,7 @@ class Plugin(NamedTuple):
     warnings: Mapping[str, str] = _NOTHING  #: name -> what says the limits of the results of a case, in a line
     commands: Mapping[str, str] = _NOTHING  #: name on the command line -> ``spi.cli.options.Command``
     ways: Mapping[str, str] = _NOTHING  #: option of `spi run` -> ``spi.cli.options.Way``, how experiments are computed
-    offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function or class
+    offered: Mapping[str, str] = _NOTHING  #: name in ``import spi`` -> function, class or module
     templates: Mapping[str, str] = _NOTHING  #: word of ``spi new --WORD NAME`` -> text of an experiment to begin with
     further: Mapping[str, str] = _NOTHING  #: "plug-in.word" -> what that plug-in asks others for by this word
     groups: Mapping[str, str] = _NOTHING  #: word of ``spi list`` -> which experiments are listed under it, a text
@@ -108,9 +108,9 @@ def offers(field: str) -> dict[str, str]:
 
 
 def imported(place: str) -> Any:
-    """What stands at "module:attribute"."""
+    """What stands at "module:attribute", or the module without an attribute."""
     module, _, attribute = place.partition(":")
-    return getattr(import_module(module), attribute)
+    return getattr(import_module(module), attribute) if attribute else import_module(module)
 
 
 class Registry(MutableMapping[str, Any]):

@@ -1,35 +1,130 @@
-"""Rows of JSON and CSV, whose columns are what the record of a result says."""
+"""Tables of exports: CSV, JSON, LaTeX and pandas have all that the records of a result declare, with its intervals.
 
-from collections.abc import Iterator
+What is over the same axes is one table, with a row for each case, scheme and place along the axes, and is named by the
+first number in it.  The main table has the axes that the record says (``row_axes``) and also all that is over some of
+these, such as fitted orders, and facts that have a column.
+"""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from spi.storage.stored import Entry, Stored
+from spi.storage.records import Variables
+from spi.storage.stored import Stored
 
-RowColumns = dict[str, tuple[tuple[str, ...], np.ndarray]]  #: name -> (names of its axes, array)
+from .tables import StyledText, TextTable
+from .text import interval_text, power_of_two, short
 
 
-def rows_of(record: Stored, further: RowColumns | None = None) -> Iterator[dict[str, Any]]:
-    """A row for each point of the axes that the record says, with all that it has over some of them.
+@dataclass
+class DataTable:
+    """Numbers over the same axes; rows are made when they are asked for."""
 
-    Of what has further axes, those of ``row_largest`` give the largest value, and those of ``row_columns`` a column for
-    each place; what has others is left out, as are nested records that are apart.  What is not over an axis of
-    ``row_last`` stands in the row of its last place only.  `further` are columns that follow from several records.
+    name: str
+    axes: tuple[str, ...]
+    #: Records, the values along their axes, columns and facts.
+    parts: list[tuple[Stored, Mapping[str, Any], Variables, dict[str, Any]]] = field(default_factory=list)
+    further: Callable[[dict[str, Any]], dict[str, Any]] = lambda row: {}  #: columns that follow from a row
+
+    @property
+    def numbers(self) -> list[str]:
+        """Names of the columns with numbers of the records."""
+        return list(dict.fromkeys(name for _, _, columns, _ in self.parts for name in columns))
+
+    @cached_property
+    def rows(self) -> list[dict[str, Any]]:
+        """One for each case, scheme and place along the axes; what a record lacks is left out."""
+        made = (row for part in self.parts for row in _rows(self.axes, *part))
+        return [row | self.further(row) for row in made]
+
+    @property
+    def columns(self) -> list[str]:
+        """Names of all columns."""
+        return list(dict.fromkeys(name for row in self.rows for name in row))
+
+    def as_text(self, title: str = "") -> TextTable:
+        """As it is printed: numbers with their 95 % intervals, without standard errors and what is in no row."""
+        columns = self.columns
+        inside = {f"{name}_{end}" for name in columns for end in ("low", "high") if _has_interval(name, columns)}
+        inside |= {f"{name[:-4]}_{end}" for name in inside for end in ("stderr", "half", "bound")}
+        cases = {row["case"] for row in self.rows}
+        shown = [name for name in columns if name not in inside and (name != "case" or len(cases) > 1)]
+        headings = [f"{name} (95 %)" if _has_interval(name, columns) else name for name in shown]
+        rows = [[StyledText(self._text(row, name)) for name in shown] for row in self.rows]
+        keys = sum(name in ("case", "scheme", *self.axes) for name in shown)
+        return TextTable(title or self.name, headings, [rows], sum(name in ("case", "scheme") for name in shown), keys)
+
+    def _text(self, row: Mapping[str, Any], name: str) -> str:
+        value = row.get(name, "")
+        if isinstance(value, float) and name in self.axes:
+            return power_of_two(value) if name == "h" else f"{value:.7g}"
+        ends = row.get(f"{name}_low"), row.get(f"{name}_high")
+        return interval_text(value, None if None in ends else ends, lambda number: short(number, ".5g"))
+
+
+def _has_interval(name: str, columns: Iterable[str]) -> bool:
+    return f"{name}_low" in columns and f"{name}_high" in columns
+
+
+def tables_of(records: Sequence[Stored]) -> dict[str, DataTable]:
+    """Tables of records of one kind by name, the main one first; of others only those that have rows."""
+    found: dict[tuple[str, ...], DataTable] = {}
+    for record in records:
+        exported = record.exported()
+        along = {name: exported.pop(name)[1] for name, (over, _) in [*exported.items()] if over == (name,)}
+        for axes, columns in _by_axes(record, exported, records).items():
+            is_main = axes == record.row_axes
+            if is_main or any(values.size for _, values in columns.values()):
+                table = found.setdefault(axes, DataTable(_name(record, exported, axes), axes))
+                table.parts.append((record, record.axes | along, columns, _facts(record) if is_main else {}))
+    return {table.name: table for table in found.values()}
+
+
+def _name(record: Stored, exported: Variables, axes: tuple[str, ...]) -> str:
+    """First array over the axes, in the main table also one that is spread over columns."""
+    spread = record.row_columns if axes == record.row_axes else ()
+    overs = {name: tuple(axis for axis in over if axis not in spread) for name, (over, _) in exported.items()}
+    return next((name for name, over in overs.items() if over == axes), "facts")
+
+
+def _by_axes(record: Stored, exported: Variables, records: Sequence[Stored]) -> dict[tuple[str, ...], Variables]:
+    """Columns by the axes of their tables, those of the main one first; there the numbers over all its axes go first.
+
+    In the main table those along an axis of ``row_columns`` are a column for each place, and of those along an axis of
+    ``row_largest`` there is the largest; where there are several, all are in a table of their own as well.
     """
-    places = {axis: record.get(axis) for axis in record.row_axes}
-    head, (columns, tail) = _head(record), _entries(record)
-    columns |= further or {}
-    for place in np.ndindex(*map(len, places.values())):
-        at = dict(zip(places, place, strict=True))
-        needed = {axis for axis in record.row_last if at[axis] < len(places[axis]) - 1}
-        row = head | {axis: np.asarray(places[axis])[i].item() for axis, i in at.items()}
-        row |= {
-            name: values[tuple(at[axis] for axis in over)].item()
-            for name, (over, values) in columns.items()
-            if needed <= set(over)
-        }
-        yield {name: value for name, value in (row | tail).items() if value is not None}
+    main: Variables = {}
+    found: dict[tuple[str, ...], Variables] = {record.row_axes: main}
+    for name, (over, values) in exported.items():
+        further = [axis for axis in over if axis not in record.row_axes]
+        at = over.index(further[0]) if further else 0
+        rest = over[:at] + over[at + 1 :] if further else over
+        if not further:
+            main[name] = over, values
+        elif len(further) == 1 and further[0] in record.row_columns:
+            names = _names(record, name, further[0], values.shape[at])
+            main |= {one: (rest, part) for one, part in zip(names, np.moveaxis(values, at, 0), strict=True)}
+        elif len(further) == 1 and further[0] in record.row_largest and values.size:
+            main[name] = rest, values.max(at)
+            if values.shape[at] > 1:
+                found.setdefault(over, {})[name] = over, values
+        else:
+            found.setdefault(over, {})[name] = over, values
+    main |= record.beside(records)
+    found[record.row_axes] = dict(sorted(main.items(), key=lambda column: column[1][0] != record.row_axes))
+    return found
+
+
+def _names(record: Stored, name: str, axis: str, count: int) -> list[str]:
+    """Names of the columns along an axis: ``rms_1``, ``rms_2``, ..., where it has texts ``mean[y1]``, ..."""
+    labels = record.about.variables if axis == "component" else record.axes.get(axis)
+    if labels is not None and len(labels) and isinstance(labels[0], str):
+        return [f"{name}[{label}]" for label in labels]
+    template = record.by_name[name].meaning.column or (f"{name}_{{}}" if count > 1 else name)
+    return [template.format(number) for number in range(1, count + 1)]
 
 
 def _head(record: Stored) -> dict[str, Any]:
@@ -40,41 +135,30 @@ def _head(record: Stored) -> dict[str, Any]:
     return head | (about.swept.places if about.swept else {})
 
 
-def _entries(record: Stored) -> tuple[RowColumns, dict[str, Any]]:
-    """Columns of the arrays, and the facts that are the same in all rows."""
-    columns: RowColumns = {}
-    facts: dict[str, Any] = {}
-    for entry in record.entries:
-        value = None if entry.apart or entry.meaning.is_axis else entry.of(record)
-        if value is None:
-            continue
-        if entry.is_fact:
-            facts |= {entry.name: value} if entry.meaning.column else {}
-        elif entry.field or entry.meaning.column:
-            columns |= _columns(record, entry, np.asarray(value))
-    return columns, facts
+def _facts(record: Stored) -> dict[str, Any]:
+    """Facts that are in all rows of the main table."""
+    shown = (entry for entry in record.entries if entry.is_fact and entry.meaning.column)
+    return {entry.name: entry.of(record) for entry in shown}
 
 
-def _columns(record: Stored, entry: Entry, values: np.ndarray) -> RowColumns:
-    """Columns of an array: one, or by :func:`_names` some along an axis that is spread; none if it has others."""
-    over = entry.axes
-    for axis in [axis for axis in over if axis in record.row_largest and values.size]:
-        values, over = values.max(over.index(axis)), tuple(other for other in over if other != axis)
-    further = [axis for axis in over if axis not in record.row_axes]
-    if not further:
-        return {entry.name: (over, values)}
-    (axis, *others) = further
-    if others or axis not in record.row_columns:
-        return {}
-    rest = tuple(other for other in over if other != axis)
-    parts = np.moveaxis(values, over.index(axis), 0)
-    return {name: (rest, part) for name, part in zip(_names(record, entry, axis, len(parts)), parts, strict=True)}
+def _rows(
+    axes: tuple[str, ...], record: Stored, along: Mapping[str, Any], columns: Variables, facts: Mapping[str, Any]
+) -> Iterator[dict[str, Any]]:
+    """A row for each place along the axes; an axis without values has numbers from 0."""
+    sizes = {axis: len(values) for axis, values in along.items()}
+    for over, values in columns.values():
+        sizes |= {axis: size for axis, size in zip(over, values.shape, strict=True) if axis in axes}
+    places = {axis: ((axis,), np.asarray(along[axis] if axis in along else range(sizes[axis]))) for axis in axes}
+    shape = tuple(sizes[axis] for axis in axes)
+    lists = {name: _along(over, values, axes, shape) for name, (over, values) in (places | columns).items()}
+    head, tail = ({name: it for name, it in some.items() if it is not None} for some in (_head(record), facts))
+    for row in zip(*lists.values(), strict=True):
+        yield head | dict(zip(lists, row, strict=True)) | tail
 
 
-def _names(record: Stored, entry: Entry, axis: str, count: int) -> list[str]:
-    """Names of the columns along an axis: ``rms_1``, ``rms_2``, ..., where it has texts ``mean[y1]``, ..."""
-    labels = record.about.variables if axis == "component" else record.get(axis)
-    if labels is not None and len(labels) and isinstance(labels[0], str):
-        return [f"{entry.name}[{label}]" for label in labels]
-    template = entry.meaning.column or (f"{entry.name}_{{}}" if count > 1 else entry.name)
-    return [template.format(number) for number in range(1, count + 1)]
+def _along(over: tuple[str, ...], values: np.ndarray, axes: tuple[str, ...], shape: tuple[int, ...]) -> list[Any]:
+    """Values over some of the axes as a list over all of them."""
+    ordered = values.transpose([over.index(axis) for axis in axes if axis in over])
+    sizes = [size if axis in over else 1 for axis, size in zip(axes, shape, strict=True)]
+    whole: list[Any] = np.broadcast_to(ordered.reshape(sizes), shape).ravel().tolist()
+    return whole

@@ -133,7 +133,7 @@ class Column(NamedTuple):
         if numbers is None:
             return {}
         for axis in [axis for axis in numbers.axes if axis not in (*axes, self.over)]:
-            numbers = numbers.without(axis, last if axis in ("t", "n") else _largest)
+            numbers = numbers.without(axis, last if axis in ("t", "n", "lag") else _largest)
         if not self.over:
             return {self.heading: numbers}
         names = places(record, self.over, [numbers]) if numbers.value.size else []
@@ -167,11 +167,16 @@ class Table(NamedTuple):
 
     axes: str  #: their names, separated by spaces
     columns: Sequence[Column]
-    title: str = ""  #: in place of that of the case
+    title: str = ""  #: behind that of the case, which the first table of a case has
     lines: Callable[[Any], Iterable[tuple[int, ...]]] | None = None  #: the places that have lines, if not all
+    #: A line on the records of a case that says enough in place of the table; "" where it does not.
+    instead: Callable[[Sequence[Any]], str] = lambda readings: ""
 
-    def items(self, title: str, readings: Sequence[Stored]) -> Iterator[TextTable | StyledText]:
-        """Table of the records of a case, and what its brackets and its large numbers mean."""
+    def items(self, title: str, readings: Sequence[Stored], everything: bool) -> Iterator[TextTable | StyledText]:
+        """Table of the records of a case, and what its brackets and its large numbers mean; or a line instead."""
+        if not everything and (line := self.instead(readings)):
+            yield StyledText(line)
+            return
         if (grid := self.grid(title, readings)) is None:
             return
         yield grid
@@ -195,7 +200,7 @@ class Table(NamedTuple):
             return None
         left = sum(1 for _ in takewhile(_LEFT.__contains__, ["scheme", *axes]))
         counts = sum(i < left for i in shown), sum(i <= len(axes) for i in shown)
-        return TextTable(self.title or title, headings, sections, *counts).of(shown)
+        return TextTable(": ".join(filter(None, (title, self.title))), headings, sections, *counts).of(shown)
 
     def _parts(
         self, readings: Sequence[Stored], axes: Sequence[str]
@@ -240,7 +245,7 @@ def _with_contents(sections: Sequence[Sequence[Sequence[StyledText]]], may_be_da
 class OwnTable(NamedTuple):
     """A table of a kind's own."""
 
-    items: Callable[[str, Sequence[Any]], Iterator[TextTable | StyledText]]  #: as :meth:`Table.items`
+    items: Callable[[str, Sequence[Any], bool], Iterator[TextTable | StyledText]]  #: as :meth:`Table.items`
 
 
 #: How the places along an axis are called in tables, and its heading if that is not the name of the axis.
@@ -269,10 +274,12 @@ def _heading(axis: str, readings: Sequence[Any]) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def printed(title: str, readings: Sequence[Stored]) -> Iterator[TextTable | StyledText]:
+def printed(title: str, readings: Sequence[Stored], everything: bool = False) -> Iterator[TextTable | StyledText]:
     """Tables of the records of a case, the lines on each record, and those on the case."""
     for table in readings[0].tables:
-        yield from table.items(title, readings)
+        for item in table.items(title, readings, everything):
+            title = "" if isinstance(item, TextTable) else title
+            yield item
     yield from map(StyledText, _clipped(readings))
     for record in readings:
         yield from map(StyledText, _lines(record))

@@ -1,20 +1,21 @@
 """Results files by a name and the options of a run, by a spec file, or by their paths."""
 
-import difflib
 import shlex
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from ..specs.document import SpecError, text_of
-from ..specs.experiment import PROFILES
+from ..specs.document import SpecError, nearest, text_of
+from ..specs.experiment import PROFILES, Experiment
 from ..specs.keys import suggestion
 from ..specs.naming import results_in
 from ..storage import StorageError
-from ..storage.results import read_root
+from ..storage.records import StoredResults
+from ..storage.results import read, read_root
 from . import shipped
 from .checkpoint import NOTE, read_note
 from .load import STORED, load
+from .looks import relooked
 
 #: The endings of spec files.
 SPECS = (".yaml", ".yml")
@@ -44,22 +45,39 @@ class Wanted(NamedTuple):
 PLAIN = Wanted()
 
 
-def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN) -> Path:
-    """Results file that is meant: `source`, or for a spec file or the name of an experiment that in `folder`.
+class Found(NamedTuple):
+    """Results that a person means."""
+
+    path: Path
+    edited: Experiment | None = None  #: of a spec file that was edited since, if only in its looks
+
+    def read(self) -> StoredResults:
+        """Results, with the looks that their spec file has now."""
+        results = read(self.path)
+        return results if self.edited is None else relooked(results, self.edited)
+
+
+def found(source: Path, folder: Path, wanted: Wanted = PLAIN) -> Found:
+    """Results that are meant: `source`, or for a spec file or the name of an experiment those in `folder`.
 
     A file in the current folder that is called as the experiment goes first.
     StorageError if there is none, or if it is of another spec than the spec file; SpecError if no such results can be.
     """
     if source.suffix in SPECS:
-        return results_of(source, folder, wanted)
+        return _of_spec(source, folder, wanted)
     path = wanted.path(folder, str(source))
     is_name = source.name == str(source) and source.suffix not in STORED and not source.is_file()
     if is_name and (path.is_file() or not source.is_dir()):
-        return _existing(path, source.name, str(source), wanted)
+        return Found(_existing(path, source.name, str(source), wanted))
     if wanted != PLAIN:
         options = shlex.join(wanted.options)
         raise SpecError(f"{source}: is a file; leave out {options}, which chooses among the results of a name")
-    return source
+    return Found(source)
+
+
+def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN) -> Path:
+    """File of the results that :func:`found` finds."""
+    return found(source, folder, wanted).path
 
 
 def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
@@ -122,9 +140,13 @@ def listed(folder: Path) -> tuple[list[ListedResult], list[str]]:
 def results_of(spec: str | Path, folder: str | Path = "results", wanted: Wanted = PLAIN) -> Path:
     """Results file of a spec file; StorageError if there is none or if it was made from another spec.
 
-    Results with another number of samples, title or claims count as those of the spec file.
+    Results with other looks or claims count as those of the spec file.
     """
-    spec = Path(spec)
+    return _of_spec(Path(spec), folder, wanted).path
+
+
+def _of_spec(spec: Path, folder: str | Path, wanted: Wanted) -> Found:
+    """Results of a spec file."""
     path = _existing(wanted.path(folder, spec.stem), spec.stem, spec.as_posix(), wanted)
     stored = read_root(path)
     if "model_sources" in stored or stored["spec"] != text_of(spec):
@@ -132,7 +154,8 @@ def results_of(spec: str | Path, folder: str | Path = "results", wanted: Wanted 
         if now.hash != stored["spec_hash"]:
             again = shlex.join(["spi", "run", spec.as_posix(), *wanted.options])
             raise StorageError(f"{path}: holds results of another spec than {spec}; run `{again}` first")
-    return path
+        return Found(path, now)
+    return Found(path)
 
 
 def _existing(path: Path, name: str, called: str, wanted: Wanted) -> Path:
@@ -145,9 +168,9 @@ def _existing(path: Path, name: str, called: str, wanted: Wanted) -> Path:
     if name in shipped.names() or Path(called).is_file():
         remedies.append(f"`{shlex.join(['spi', 'run', called, *wanted.options])}` writes it")
     elif not others:
-        near = difflib.get_close_matches(name, [*names, *shipped.names()], 1)
+        meant = nearest(name, names) or nearest(name, shipped.names())
         remedies.append(
-            f"did you mean {near[0]}?" if near else "give a file of results, or a name that `spi list` shows"
+            f"did you mean {meant}?" if meant else "give a file of results, or a name that `spi list` shows"
         )
     if others:
         verb, more = "is" if len(others) == 1 else "are", ", ..." if len(others) > 5 else ""

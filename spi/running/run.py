@@ -19,8 +19,8 @@ from ..printing.text import short
 from ..specs.naming import results_in
 from ..storage.records import StoredResults
 from ..storage.stored import gathered
-from . import compiling
-from .checkpoint import Checkpoint, Limits, Shard, Stopped, as_run, note_path, remove_unneeded
+from . import compiling, looks
+from .checkpoint import Checkpoint, Limits, Shard, Stopped, note_path, remove_unneeded
 from .finding import results_of
 from .load import SpecSource, headings, layers, load, load_any, plans, sources
 from .workers import Workers, advance_here, advance_with, perform_tasks
@@ -125,9 +125,10 @@ def run(
 ) -> Path:
     """Run an experiment, write its results file and return its path.
 
-    Sums that are there already are not computed again, whichever run computed them.  Results of this name of another
-    spec, as before it was edited, or by other sources are kept once, see :func:`spi.storage.former`.  With `fresh`
-    nothing earlier is looked at.  `workers` are processes that compute; without them this one does, on all its threads.
+    Where only looks or claims of the spec were edited, nothing is computed.  Sums that are there already are not
+    computed again, whichever run computed them.  Results of this name of another spec, as before it was edited, or by
+    other sources are kept once, see :func:`spi.storage.former`.  With `fresh` nothing earlier is looked at.  `workers`
+    are processes that compute; without them this one does, on all its threads.
 
     Raises StorageError if the results cannot be written, Stopped if interrupted.
     """
@@ -138,6 +139,9 @@ def run(
         storage.remove_leftovers(target)  # of a run that was killed when its results were there
         storage.remove_leftovers(target.parent / "sums")
         note_path(experiment, out).unlink(missing_ok=True)
+        return target
+    if not fresh and _only_relooked(experiment, target):
+        watch.tell(f"{target} has the numbers of this spec; it now has its title, panels and claims too")
         return target
     session = Session(experiment, out, fresh, watch, limits)
     if not fresh:
@@ -152,6 +156,18 @@ def run(
             workers.machines = session.machines  # which are saved with the sums
             advance_with(workers, SpecSource.of(experiment), session.states, session.batch_done)
         return session.finish()
+
+
+def _only_relooked(experiment: specs.Experiment, target: Path) -> bool:
+    """Whether results have all numbers of an experiment; they are then given its looks and claims."""
+    new = looks.attributes(experiment)
+    if storage.finished(target, {name: it for name, it in identity(experiment).items() if name not in new}) is None:
+        return False
+    results = storage.read(target)
+    if results.attributes.get("source_digest") != NUMBERS_DIGEST:
+        return False
+    storage.write(target, looks.relooked(results, experiment))
+    return True
 
 
 def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
@@ -258,11 +274,10 @@ def progress_of_part(state: State, number: int, parts: int) -> Progress:
 def identity(experiment: specs.Experiment) -> dict[str, Any]:
     """Root attributes that identify the spec of results."""
     return {
-        **as_run(experiment),
+        **looks.attributes(experiment),
         "spec_hash": experiment.hash,
         "samples": experiment.samples,
         "model_code": _code(experiment),
-        "expect": experiment.expect,
         "source_digest": NUMBERS_DIGEST,
     }
 
@@ -281,8 +296,6 @@ def root_attributes(experiment: specs.Experiment) -> dict[str, Any]:
     return {
         **identity(experiment),
         "model_modules": json.dumps(texts, sort_keys=True) if texts else None,
-        "asks": experiment.asks,
-        "figure": experiment.figure,
         "seed": experiment.cases[0].seed,
         "stream_version": STREAM_VERSION,
         "spi_version": __version__,

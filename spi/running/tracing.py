@@ -11,18 +11,17 @@ import numpy as np
 
 from ..compiler.inlining import uncompiled
 from ..ensemble import protocol
-from ..ensemble.areas import fourier_terms
-from ..ensemble.loop import PAIRS_REVERSED, TimeGrid, for_kernels, grid, integrated, paths_of, states_at
+from ..ensemble.loop import PAIRS_REVERSED, TimeGrid, for_kernels, paths_of, states_at
 from ..ensemble.noise_of_step import noise_of_step
 from ..ensemble.observer import growth, invariants_of, state_recorder
 from ..ensemble.protocol import dimension, drift_angle, frozen, joint_angle, large, noise_angle
 from ..ensemble.random_states import RandomState, first_states
 from ..ensemble.scheme_protocol import advance, advance_large, report_row, work_size
-from ..kinds.blocks import BATCH_BYTES, SamplesPlan, in_batches
-from ..kinds.plans import PathsPlan
+from ..kinds.blocks import BATCH_BYTES, in_batches, integrated_batch
 from ..numerics.rng import LANES
 from ..printing.text import short
 from ..specs import SpecError
+from ..statistics.tallies import Batch
 from .compiling import physical_memory
 
 #: What is watched of a model: the word for it, and the method for its angle, which blocks of states return.
@@ -67,12 +66,9 @@ class TracedPaths(NamedTuple):
         plan = plan.of_paths
         if plan.case.in_parts:
             raise SpecError(f"{plan.case.name}: is one large lattice, whose flows are not traced; take a smaller one")
-        first, sizes = getattr(plan.case, "path", 0), plan.sizes()
-        if isinstance(plan, SamplesPlan):
-            return [cls(plan, of.grid, of.stream, 0, n) for of, n in zip(plan.sets, sizes, strict=True)]
-        if isinstance(plan, PathsPlan):
-            return [cls(plan, plan.grid, plan.stream, first, first + plan.samples)]
-        return [cls(plan, times, plan.stream, 0, n) for times, n in zip(_grids(plan), sizes, strict=False)]
+        first, sets = getattr(plan.case, "path", 0), plan.path_sets(plan.initial_extra())
+        each = zip(plan.paths_on(), sets, strict=False)
+        return [cls(plan, times, stream, first, first + path_set.samples) for (times, stream), path_set in each]
 
     def lost(self, tick: TraceTick) -> tuple[int, int] | None:
         """(path, level) of the first path that is not finite at the end, None if there is none."""
@@ -82,7 +78,7 @@ class TracedPaths(NamedTuple):
 
         def advanced(state: Any, blocks: int) -> Any:
             tick(state[0] * LANES, self.end)
-            states = self._integrated(times, state[0], blocks)
+            states = self._integrated(times, Batch(0, state[0], blocks, self.end))
             finite = np.isfinite(paths_of(states, d)).all(axis=1)
             finite[times.reversals == PAIRS_REVERSED] = True  # as the others of their samples make them
             lost = [(int(path) + state[0] * LANES, int(level)) for path, level in np.argwhere(~finite.T)]
@@ -94,12 +90,10 @@ class TracedPaths(NamedTuple):
                 return tuple(state[1])
         return None
 
-    def _integrated(self, times: TimeGrid, block: int, blocks: int, *observer: Any) -> np.ndarray:
-        """States of some blocks at the end."""
-        plan = self.plan
-        run = plan.scheme, plan.model, plan.initial, times, self.stream, block, blocks, self.end
+    def _integrated(self, times: TimeGrid, batch: Batch, *observer: Any) -> np.ndarray:
+        """States of a batch at the end."""
         with np.errstate(all="ignore"):
-            return integrated(*run, *observer)[0]
+            return integrated_batch(self.plan, times, self.stream, batch, *observer)[0]
 
     def alone(self, level: int) -> TimeGrid:
         """Times of one step size alone, on the same noise."""
@@ -118,17 +112,9 @@ class TracedPaths(NamedTuple):
         rows = np.empty((1, steps + 1, d))
         initial = first_states(self.plan.initial, self.stream, block, 1)
         rows[0, 0] = initial[:, lane if isinstance(self.plan.initial, RandomState) else 0]
-        mine = self._replace(end=path + 1)
-        mine._integrated(times._replace(first_lane=lane), block, 1, state_recorder(times, rows, 1, lane))
+        alone = Batch(0, block, 1, path + 1)
+        self._integrated(times._replace(first_lane=lane), alone, state_recorder(times, rows, 1, lane))
         return rows[0]
-
-
-def _grids(plan: Any) -> Iterator[TimeGrid]:
-    """Times of each step size where each has paths of its own; none of a plan without paths."""
-    case = plan.case
-    for h, steps in zip(case.steps, getattr(case, "counts", ()), strict=False):
-        terms = fourier_terms(plan.model, [plan.scheme], h, areas=case.areas)
-        yield grid(h, steps, truncate=case.clipping, by_reference=(0,), area_terms=terms)
 
 
 def watched(model: Any, see: Callable[[str, dict[str, Any], Any], None]) -> Any:
@@ -160,9 +146,9 @@ def flows_of_step(paths: TracedPaths, path: int, level: int, n: int) -> list[Tra
     scheme = times.reference_scheme if times.reference_scheme is not None and times.by_reference[0] else plan.scheme
     scheme, step = for_kernels(scheme, plan.model, None, times)[0], advance_large if large(plan.model) else advance
     dW, coins = noise_of_step(plan.scheme, plan.model, times, paths.stream, block, n)
-    before, alone = times._replace(reference_steps=n * size, first_lane=lane), paths._replace(end=path + 1)
+    before = times._replace(reference_steps=n * size, first_lane=lane)
     begin = states_at(plan.initial, plan.scheme, plan.model, before, 1, paths.stream, block)
-    states = alone._integrated(before, block, 1) if n else begin
+    states = paths._integrated(before, Batch(0, block, 1, path + 1)) if n else begin
     # all lanes are this path, so that nothing is decided by another one
     y, dW, coins = (np.repeat(row.reshape(-1, LANES)[:, lane], LANES) for row in (states[0, 0], dW, coins))
     h = times.reference_step * size
@@ -245,6 +231,11 @@ def _table(plan: Any, flows: list[TracedFlow], t: float) -> Iterator[str]:
         lost = np.flatnonzero(~np.isfinite(flow.y))
         which = [f"{names[k] if names else f'y{k + 1}'} = {flow.y[k]}" for k in lost[:_MOST_CASIMIRS]]
         rows.append([flow.name, *own, *numbers, ", ".join([*which, *["..."] * (len(lost) > len(which))])])
+    yield from _aligned(rows)
+
+
+def _aligned(rows: list[list[str]]) -> Iterator[str]:
+    """Lines of a table: columns to the right, but for the first and the last one."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     for name, *cells, last in rows:
         padded = [f"{cell:>{width}}" for cell, width in zip(cells, widths[1:-1], strict=True)]

@@ -27,6 +27,7 @@ from ..ensemble.protocol import (
     has_bath,
     has_friction,
     large,
+    named_numbers,
     noise_indices,
     noises,
     parameters,
@@ -36,7 +37,7 @@ from ..ensemble.scheme_protocol import judges, needs_areas
 from ..exact.surfaces import casimir_form, semidefinite
 from ..expressions import as_numpy, canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..expressions.ranges import TAKEN, meaning_of, written_out
+from ..expressions.ranges import TAKEN, meaning_of, numbered, written_out
 from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
 from ..numerics.rng import MOST_NOISES
@@ -140,10 +141,14 @@ class FunctionKeys(CodeKeys):
 
 
 def with_others(case: Any, entries: Mapping[str, Any], key: str = "functions") -> dict[str, Any]:
-    """Entries of a key of formulas by name, names of others being their formulas.
+    """Entries of a key of formulas by name, names of others being their formulas, and ranges one function each.
 
     A function may be called like what it is, as in {H: H}, but not like something else that formulas can name.
     """
+    try:
+        entries = numbered(entries, named_numbers(undamped(case.model))) if key == "functions" else entries
+    except NumberError as error:
+        raise wrong(f"cannot be written out: {error}", "write a range as in {x: x(i) for i = 1..3}", key) from None
     for name, text in entries.items() if key == "functions" else ():
         if name not in TAKEN and (meaning := meaning_of(name)) and str(text).strip() != name:
             raise wrong(f"is called '{name}', {meaning} in formulas", "take another name", "functions", name)
@@ -188,6 +193,8 @@ class BaseCase(Keys):
         "areas": "exact",
         "python": None,
     }
+    #: The keys that only figures and tables read.  They are no part of what identifies results.
+    looks: ClassVar[frozenset[str]] = frozenset(["title", "panels"])
     distinct: ClassVar[tuple[str, ...]] = ("panels",)  #: the keys with lists in which nothing may stand twice
     at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
@@ -196,6 +203,7 @@ class BaseCase(Keys):
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
     most_swept: ClassVar[int] = 2  #: the number of parameters that may be swept at once
+    example: ClassVar[str] = ""  #: keys of a short experiment with the rigid body, for `spi new --kind`
     listed_under: ClassVar[str] = "dynamics"  #: the group of experiments in ``spi list``
 
     if TYPE_CHECKING:  # a key of every kind, which stands among those that only this kind has

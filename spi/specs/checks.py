@@ -101,16 +101,20 @@ def check_flows(case: Any) -> None:
         if method == "munthe_kaas" and not lie_poisson(undamped(case.model)):
             raise wrong("is 'munthe_kaas', which needs a bracket that is linear", "use midpoint", "model", "inner")
         return
-    able = [name for name, row in SCHEMES.items() if not (row.composition or row.multiscale or judges(row.record))]
-    able = [name for name in able if not (needs := SCHEMES[name].needs) or needs(case.model)]
-    part, k = lacking[0]
-    formula, why = why_inexact(undamped(case.model), part, k)
-    why = why.replace(f"'{formula}'", "it")
     for name in case.schemes_used:
         if case.row(name).composition is not None:
-            fault = f"made of exact flows, and none is known of '{formula}': {why}"
-            either = "midpoint (or munthe_kaas)" if lie_poisson(undamped(case.model)) else "midpoint"
-            raise wrong_scheme(case, name, fault, f"add inner: {either} to the model, or use {', '.join(able)}")
+            raise _without_flow(case, name, *lacking[0])
+
+
+def _without_flow(case: Any, name: str, part: str, k: int) -> PydanticCustomError:
+    """Error about a composition of flows of which one is not known, with the schemes that need none."""
+    able = [name for name, row in SCHEMES.items() if not (row.composition or row.multiscale or judges(row.record))]
+    able = [name for name in able if not (needs := SCHEMES[name].needs) or needs(case.model)]
+    formula, why = why_inexact(undamped(case.model), part, k)
+    why = why.replace(f"'{formula}'", "it")
+    fault = f"made of exact flows, and none is known of '{formula}': {why}"
+    either = "midpoint (or munthe_kaas)" if lie_poisson(undamped(case.model)) else "midpoint"
+    return wrong_scheme(case, name, fault, f"add inner: {either} to the model, or use {', '.join(able)}")
 
 
 def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key: str) -> None:

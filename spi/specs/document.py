@@ -158,12 +158,21 @@ def _meant(path: Path, names: Iterable[str]) -> str:
         if (same := folder / f"{path.name}.yaml").is_file() or (same := folder / path.name).is_file():
             return f"did you mean {same}?"
     there = {file.stem: file for folder in folders[::-1] for file in folder.glob("*.yaml")}
-    near = difflib.get_close_matches(path.stem, there, 1)
-    if near:
+    if near := difflib.get_close_matches(path.stem, there, 1):
         return f"did you mean {there[near[0]]}?"
-    if near := difflib.get_close_matches(path.stem, names, 1):
-        return f"did you mean {near[0]}, which comes with spi? `spi list` shows all that do"
+    if meant := nearest(path.stem, names):
+        return f"did you mean {meant}, which comes with spi? `spi list` shows all that do"
     return "give the path of a YAML file" + ("" if path.suffix else " or a name that `spi list` shows")
+
+
+_MOST_MEANT = 3
+
+
+def nearest(name: str, names: Iterable[str]) -> str:
+    """Names that a person may mean: the one that is nearly `name`, or a few that begin with it; empty without."""
+    names = sorted(names)
+    near = difflib.get_close_matches(name, names, 1) or [one for one in names if name and one.startswith(name)]
+    return " or ".join([", ".join(near[: _MOST_MEANT - 1]), *near[_MOST_MEANT - 1 : _MOST_MEANT]]) if near else ""
 
 
 def override(called: str, text: str) -> Document:

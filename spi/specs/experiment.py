@@ -26,8 +26,9 @@ from ..statistics import claims
 from . import expect, sweep
 from .cases import BaseCase
 from .document import Document, Location, SpecError, about, override, text_of
+from .figures import FIGURE_KEYS, read_figure
 from .files import Files
-from .keys import ABSENT, CaseName, Keys, attempt, check_here, key_of, one_of, suggestion
+from .keys import ABSENT, CaseName, Keys, attempt, check_here, key_of, one_of, shown, suggestion, wrong
 from .models import ModelPart, check_overrides, is_another, overridden, source_of
 from .naming import results_name
 
@@ -42,6 +43,32 @@ PROFILES = ("laptop", "paper", "quick")
 
 #: The keys of a file that are none of its cases.
 ONLY_IN_FILES = ("kind", "group", "asks", "figure", "cases", "profiles")
+
+
+def _chosen(name: str) -> Any:
+    """Annotation of a key of ``figure``, whose value stays as it is written."""
+
+    def check(value: Any) -> Any:
+        try:
+            FIGURE_KEYS[name].read(value)
+        except ValueError as error:
+            fault, _, right = str(error).partition("; ")
+            raise wrong(fault, right) from None
+        return value
+
+    return Annotated[Any, pydantic.AfterValidator(check), pydantic.Field(description=FIGURE_KEYS[name].text)]
+
+
+_IN_FIGURE: dict[str, Any] = {name: (_chosen(name), ABSENT) for name in FIGURE_KEYS if name != "panels"}
+_PaperNumber = key_of(Annotated[int, Ge(1)] | None, "number of the figure of the paper")
+_FigureKeys: Any = create_model("figure", __base__=Keys, number=(_PaperNumber, None), **_IN_FIGURE)
+_FigureKeys.elsewhere = {"panels": "it stands outside of figure, where each case can have its own"}
+#: The annotation of ``figure``: a number, or what is chosen of the figure.
+_Figure = Annotated[
+    Annotated[_PaperNumber, pydantic.Tag("number")] | Annotated[_FigureKeys, pydantic.Tag("keys")],
+    pydantic.Discriminator(lambda value: "keys" if isinstance(value, dict) else "number"),
+    pydantic.Field(description="number of the figure of the paper, or what is chosen of the figure, as in {log: y}"),
+]
 
 #: Values of one layer are not read: another layer may change their meaning.
 _LATER = pydantic.WrapValidator(lambda value, read: value)
@@ -66,7 +93,7 @@ def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Key
         "title": title,
         "group": (key_of(str | None, "the group in which `spi list` shows it; default: that of its kind"), None),
         "asks": (key_of(str | None, "what the experiment asks, a sentence for reports"), None),
-        "figure": (key_of(Annotated[int, Ge(1)] | None, "number of the figure of the paper"), None),
+        "figure": (_Figure, None),
         "cases": (key_of(Annotated[list[case], MinLen(1)], "panels, each overriding some keys"), ABSENT),
         "profiles": (key_of(profiles, "paper and quick, mappings of keys that override those of the file"), ABSENT),
     }
@@ -157,7 +184,13 @@ def heading(path: str | Path, kinds: Layers) -> Heading | None:
     except (SpecError, ValidationError):
         return None
     group = file.group or kinds.case(file.kind).listed_under
-    return Heading(file.title or Path(path).stem, file.figure, file.kind, group)
+    return Heading(file.title or Path(path).stem, _number_of(file.figure), file.kind, group)
+
+
+def _number_of(figure: Any) -> int | None:
+    """Number of the figure of the paper, by the key ``figure``."""
+    number: int | None = getattr(figure, "number", figure)
+    return number
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -176,12 +209,13 @@ class Experiment(NamedTuple):
     title: str
     asks: str | None  #: the question that the experiment answers; it decides nothing, just as the title
     figure: int | None  #: of the paper
+    chosen: dict[str, Any]  #: of the figure, what its key has as it is written
     kind: str
     profile: str
     cases: tuple[BaseCase, ...]
     text: str  #: the file as it stands
     hash: str  #: SHA-256 of `effective` as canonical JSON
-    effective: dict  #: all that decides the results, so without titles, figure and claims; can be written as JSON
+    effective: dict  #: all that decides the results, so without looks and claims; can be written as JSON
     overrides: tuple[str, ...] = ()  #: such as "samples=100"
     expect: str | None = (
         None  #: the claims of all cases, as ``spi.statistics.claims.of_text`` reads them; None if there are none
@@ -256,13 +290,16 @@ def load(
     used = {name for built in (*each.values(), cases) for case in built for name in case.schemes_used}
     within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
     _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
+    chosen = file.figure.model_dump(exclude={"number"}, exclude_unset=True) if isinstance(file.figure, Keys) else {}
+    _check_chosen(chosen, cases, document)
     effective = json.loads(_canonical({"kind": file.kind, "cases": _deciding(cases)}))
     return Experiment(
         path=Path(path),
         name=Path(path).stem,
         title=title,
         asks=file.asks,
-        figure=file.figure,
+        figure=_number_of(file.figure),
+        chosen=chosen,
         kind=file.kind,
         profile=profile,
         cases=cases,
@@ -276,14 +313,33 @@ def load(
     )
 
 
+def _check_chosen(chosen: dict[str, Any], cases: Sequence[BaseCase], document: Document) -> None:
+    """Refuse what is chosen of the figure together, or by names that no case has."""
+    try:
+        read = read_figure(chosen)
+    except ValueError as error:
+        key, _, message = str(error).partition(": ")
+        document.fail(("figure", key), message)
+    swept = {word for case in cases if case.sweep for word in case.sweep.parameters}
+    second = {word for case in cases if case.sweep for word in list(case.sweep.parameters)[1:]}
+    if (over := read.get("overlay", "cases")) not in ("cases", *second):
+        document.fail(("figure", "overlay"), f"is {shown(over)}; must be {' or '.join(['cases', *sorted(second)])}")
+    named = dict.fromkeys(name for case in cases for name in (*case.scopes, *case.quantities, *swept))
+    for key, names in (("labels", read.get("labels", ())), ("crossing", filter(None, [read.get("crossing")]))):
+        for name in names:
+            if name not in named:
+                document.fail(("figure", key), f"has {shown(name)}; {suggestion(name, named)}")
+
+
 def _printable(stem: str) -> str:
     """Stem of a file name, which need not be Unicode."""
     return "".join(c if c.isprintable() else "?" for c in stem)
 
 
 def _deciding(cases: Sequence[BaseCase]) -> dict[str, Any]:
-    """Keys of each case that decide its results, by its name: neither titles nor claims, nor what is empty."""
-    omitted = [{"name", "title", "expect"} | (set() if case.compositions else {"compositions"}) for case in cases]
+    """Keys of each case that decide its results, by its name: neither looks nor claims, nor what is empty."""
+    empty = [set() if case.compositions else {"compositions"} for case in cases]
+    omitted = [{"name", "expect"} | case.looks | more for case, more in zip(cases, empty, strict=True)]
     return {case.name: case.model_dump(exclude=keys) for case, keys in zip(cases, omitted, strict=True)}
 
 

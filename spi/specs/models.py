@@ -8,7 +8,7 @@
 
 import re
 import warnings
-from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
 from functools import cache, reduce
 from operator import or_
 from types import MappingProxyType
@@ -69,12 +69,17 @@ def _keys_of(cls: Any, telling: Mapping[str, Any], complete: bool) -> type[Keys]
 
 
 def _record(cls: Any, parameters: Keys) -> Any:
-    """Record of a model; a noise of strength 0 becomes None, so that it is left out of compiled code."""
+    """Record of a model."""
     model = cls(**{name: value for name, value in parameters if name in cls._fields})
     if refused := fault(model):
         key, complaint, right = refused
         raise wrong(complaint, right, key)
-    return model._replace(sigma=tuple(s or None for s in model.sigma)) if "sigma" in cls._fields else model
+    return model._replace(sigma=strengths_of(model.sigma)) if "sigma" in cls._fields else model
+
+
+def strengths_of(given: Iterable[float | None]) -> tuple[float | None, ...]:
+    """Field sigma of a record: None for a noise that is off, given as 0, so that it is left out of compiled code."""
+    return tuple(strength or None for strength in given)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

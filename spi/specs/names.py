@@ -32,7 +32,7 @@ from ..ensemble.protocol import (
     named_numbers,
     observables,
 )
-from ..expressions import Observable
+from ..expressions import Family, Observable
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import meaning_of
 from ..models.delegation import depends_on_time, undamped
@@ -98,7 +98,8 @@ def named_in(text: str, model: Any, variables: Iterable[str] = (), code: Code | 
     named = ChainMap(own_code, named)
     values = {word: named[word] for word in _WORD.findall(text) if word in named}
     values |= {name: _invariant(model, match[1]) for name, match in found.items() if name not in named}
-    return {**named_numbers(own), **{name: Observable(name, f) for name, f in values.items()}}
+    each = {name: f if isinstance(f, Family) else Observable(name, f) for name, f in values.items()}
+    return {**named_numbers(own), **each}
 
 
 def numbers_of(case: Any) -> dict[str, float | int]:

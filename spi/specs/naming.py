@@ -23,7 +23,7 @@ import yaml
 from .files import array_text
 
 #: Keys that decide no path.
-_NEUTRAL = ("samples", "title", "asks", "figure", "expect")
+_NEUTRAL = ("samples", "title", "asks", "figure", "panels", "expect")
 
 
 def results_name(name: str, profile: str = "laptop", overrides: Iterable[str] = ()) -> str:

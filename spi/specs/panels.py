@@ -7,6 +7,7 @@ from annotated_types import MinLen
 from pydantic import BeforeValidator
 
 from ..plugins import Registry, imported
+from ..storage.records import Variables
 from .keys import check_here, wrong
 
 
@@ -15,6 +16,7 @@ class Further(NamedTuple):
 
     panels: str  #: "module:attribute" of its panels, see ``spi.drawing.panels``
     fault: Callable[[Any], str] = lambda case: ""  #: why a case cannot have them, such as "is for sine_euler"
+    numbers: str = ""  #: "module:attribute" of a function of a record: what they show, see ``Stored.exported``
 
 
 #: "kind.word" -> :class:`Further`.
@@ -27,8 +29,8 @@ def words(kind: str, own: Sequence[str]) -> tuple[str, ...]:
     return (*own, *(word for first, _, word in names if first == kind))
 
 
-def panels_of(kind: str, own: Sequence[str]) -> Any:
-    """Annotation of the key ``panels`` of a kind."""
+def panels_of(kind: str, own: Sequence[str], least: int = 1) -> Any:
+    """Annotation of the key ``panels`` of a kind, which has `least` words."""
 
     def check(value: Any) -> Any:
         for i, word in enumerate(value if isinstance(value, list) else ()):
@@ -36,7 +38,7 @@ def panels_of(kind: str, own: Sequence[str]) -> Any:
         return value
 
     known: Any = Literal[words(kind, own)]
-    return Annotated[tuple[known, ...], MinLen(1), BeforeValidator(check)]
+    return Annotated[tuple[known, ...], MinLen(least), BeforeValidator(check)]
 
 
 def check_further(kind: str, case: Any) -> None:
@@ -45,6 +47,12 @@ def check_further(kind: str, case: Any) -> None:
         name = f"{kind}.{word}"
         if name in FURTHER and (fault := FURTHER[name].fault(case)):
             raise wrong(f"is '{word}', which {fault}", "leave it out", "panels", i)
+
+
+def numbers_of(kind: str, record: Any) -> Variables:
+    """What the panels of plug-ins show of a record, beside what is stored."""
+    chosen = [FURTHER[name] for name in (f"{kind}.{word}" for word in record.panels) if name in FURTHER]
+    return {name: column for one in chosen if one.numbers for name, column in imported(one.numbers)(record).items()}
 
 
 class Panels(Mapping[str, Sequence[Any]]):

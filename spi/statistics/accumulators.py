@@ -23,20 +23,14 @@ from spi.numerics.rng import LANES
 from spi.numerics.types import Array
 
 from .estimators import GROUPS, PARTS, ROUND, with_powers
-
-
-class Blocks(NamedTuple):
-    """Consecutive blocks of paths: the first is number `first`, and paths from number `end` on are idle."""
-
-    first: int
-    end: int
+from .tallies import Batch
 
 
 class Reduction(NamedTuple):
     """Way in which contributions of blocks make a field of the sums."""
 
     axes: tuple[str, ...]  #: of the field; lengths are given by name when sums over no paths are made
-    with_blocks: Callable[[Array, Array, Blocks], Array]  #: the field with contributions (blocks, ...) added
+    with_batch: Callable[[Array, Array, Batch], Array]  #: the field with contributions (blocks, ...) added
     plus: Callable[[Array, Array], Array] = np.add  #: the fields of two disjoint sets of paths as one
     dtype: type = float
     before: tuple[int, ...] = ()  #: sides of the field before the axes
@@ -50,33 +44,33 @@ def _declared(axes: str, *how: Any, **sides: Any) -> Any:
 
 def added(axes: str = "", dtype: type = float) -> Any:
     """Added up; contributions are (blocks, *axes)."""
-    return _declared(axes, lambda total, rows, at: total + rows.sum(axis=0, dtype=dtype), dtype=dtype)
+    return _declared(axes, lambda total, rows, batch: total + rows.sum(axis=0, dtype=dtype), dtype=dtype)
 
 
 def counted(axes: str = "") -> Any:
     """Number of paths of which something is true; contributions are (blocks, *axes, LANES), booleans."""
 
-    def with_blocks(total: Array, rows: Array, at: Blocks) -> Array:
-        used = at.first * LANES + np.arange(len(rows) * LANES) < at.end
-        counts: Array = total + (rows & used.reshape(len(rows), *[1] * (rows.ndim - 2), LANES)).sum(axis=(0, -1))
+    def with_batch(total: Array, rows: Array, batch: Batch) -> Array:
+        used = batch.counted.reshape(batch.blocks, *[1] * (rows.ndim - 2), LANES)
+        counts: Array = total + (rows & used).sum(axis=(0, -1))
         return counts
 
-    return _declared(axes, with_blocks, dtype=np.int64, lanes=LANES)
+    return _declared(axes, with_batch, dtype=np.int64, lanes=LANES)
 
 
 def largest(axes: str = "") -> Any:
     """Largest, at least 0; contributions are (blocks, *axes)."""
-    return _declared(axes, lambda total, rows, at: np.maximum(total, rows.max(axis=0, initial=0.0)), np.maximum)
+    return _declared(axes, lambda total, rows, batch: np.maximum(total, rows.max(axis=0, initial=0.0)), np.maximum)
 
 
 def joined(axes: str = "") -> Any:
     """Path by path along a last axis; contributions are (blocks, *axes, LANES)."""
 
-    def with_blocks(total: Array, rows: Array, at: Blocks) -> Array:
+    def with_batch(total: Array, rows: Array, batch: Batch) -> Array:
         paths = np.moveaxis(rows, 0, -2).reshape(*rows.shape[1:-1], len(rows) * LANES)
-        return _joined(total, paths[..., : at.end - at.first * LANES])
+        return _joined(total, paths[..., : batch.end - batch.first_path])
 
-    return _declared(axes, with_blocks, _joined, behind=(0,), lanes=LANES)
+    return _declared(axes, with_batch, _joined, behind=(0,), lanes=LANES)
 
 
 def _joined(earlier: Array, later: Array) -> Array:
@@ -85,19 +79,19 @@ def _joined(earlier: Array, later: Array) -> Array:
 
 def of_first(axes: str = "", dtype: type = float) -> Any:
     """That of the first of two sets, as the number of steps done; set by the plan itself."""
-    return _declared(axes, lambda total, rows, at: rows, lambda earlier, later: earlier, dtype=dtype)
+    return _declared(axes, lambda total, rows, batch: rows, lambda earlier, later: earlier, dtype=dtype)
 
 
 def by_group(axes: str = "") -> Any:
     """Added up by jackknife groups, (GROUPS, *axes); contributions are (blocks, *axes, PARTS)."""
 
-    def with_blocks(total: Array, rows: Array, at: Blocks) -> Array:
+    def with_batch(total: Array, rows: Array, batch: Batch) -> Array:
         by_round = total.reshape(ROUND, PARTS, *total.shape[1:]).copy()
-        for block, row in enumerate(rows, at.first):  # one by one, so that the bits do not depend on batches
+        for block, row in enumerate(rows, batch.first):  # one by one, so that the bits do not depend on batches
             by_round[block % ROUND] += np.moveaxis(row, -1, 0)
         return by_round.reshape(total.shape)
 
-    return _declared(axes, with_blocks, before=(GROUPS,), lanes=PARTS)
+    return _declared(axes, with_batch, before=(GROUPS,), lanes=PARTS)
 
 
 def moments(axes: str, powers: int = 2) -> Any:
@@ -106,17 +100,17 @@ def moments(axes: str, powers: int = 2) -> Any:
     Contributions are (blocks, *axes, LANES).
     """
 
-    def with_blocks(total: Array, rows: Array, at: Blocks) -> Array:
-        return with_powers(total, rows, at.first, at.end)
+    def with_batch(total: Array, rows: Array, batch: Batch) -> Array:
+        return with_powers(total, rows, batch)
 
-    return _declared(axes, with_blocks, before=(powers,), behind=(GROUPS,), lanes=(1 + powers) * LANES)
+    return _declared(axes, with_batch, before=(powers,), behind=(GROUPS,), lanes=(1 + powers) * LANES)
 
 
 def reports(axes: str = "level") -> Any:
     """Reports of schemes on their steps, see ``spi.ensemble.loop.add_reports``; (blocks, *axes, columns)."""
     return _declared(
         axes,
-        lambda total, rows, at: add_reports(total, rows),
+        lambda total, rows, batch: add_reports(total, rows),
         lambda earlier, later: add_reports(earlier, later[np.newaxis]),
         behind=(len(REPORT),),
     )
@@ -168,13 +162,12 @@ class Sums:
         both |= {name: r.plus(getattr(self, name), getattr(later, name)) for name, r in self.reductions.items()}
         return type(self)(**both)
 
-    def with_blocks(self, contributions: Mapping[str, Array], at: slice, first: int, end: int) -> Self:
-        """Sums with the contributions `at` of some blocks, see :class:`Blocks`."""
-        blocks = Blocks(first, end)
+    def with_batch(self, contributions: Mapping[str, Array], batch: Batch) -> Self:
+        """Sums with the contributions of a batch."""
         with np.errstate(all="ignore"):
             return self._replace(
                 **{
-                    name: self.reductions[name].with_blocks(getattr(self, name), rows[at], blocks)
+                    name: self.reductions[name].with_batch(getattr(self, name), rows, batch)
                     for name, rows in contributions.items()
                 }
             )

@@ -39,6 +39,7 @@ class Sort(NamedTuple):
 
     sense: str  #: in which a bare number is meant
     per_step: bool = False  #: whether it belongs to a step size
+    named: bool = False  #: whether each of its numbers has a name of its own, which says what it is
 
 
 #: The quantities that say how many paths diverged, or how many did not, and what they are if none did.
@@ -49,7 +50,10 @@ def claimable(record: type[Stored]) -> dict[str, Sort]:
     """Quantities that specs may expect of a record, by name, orders and what is claimed to be equal first."""
     found = [(entry, claim) for entry in record.entries for claim in entry.meaning.claims]
     found.sort(key=lambda pair: (math.isinf(pair[1].widest), pair[1].sense != EQUAL))
-    return {claim.name or entry.name: Sort(claim.sense, "h" in entry.axes) for entry, claim in found}
+    return {
+        claim.name or entry.name: Sort(claim.sense, "h" in entry.axes, "quantity" in entry.axes)
+        for entry, claim in found
+    }
 
 
 class Claim(NamedTuple):

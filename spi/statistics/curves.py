@@ -140,6 +140,19 @@ class Curve(NamedTuple):
         return np.array([getattr(point, field) for point in self.points])
 
 
+def crossings(one: Curve, other: Curve) -> list[tuple[float, float]]:
+    """Values of the parameter at which two curves with independent errors cross, each with half its 95 % interval.
+
+    They are the zeros of the difference, see :meth:`Surface.zeros`, at the values that both have.
+    """
+    x, mine, others = np.intersect1d(one.values, other.values, return_indices=True)
+    (value, low, high), (value_2, low_2, high_2) = (
+        [curve.of(field)[at] for field in ("value", "low", "high")] for curve, at in ((one, mine), (other, others))
+    )
+    half = np.hypot(high - low, high_2 - low_2) / 2
+    return list(_zeros(x, value - value_2, value - value_2 - half, value - value_2 + half)) if len(x) > 1 else []
+
+
 def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:
     """Curves of the quantities of these names, in this order.
 

@@ -17,22 +17,22 @@ from ..numerics.groups import GROUPS, ROUND
 from ..numerics.groups import group_counts as group_counts  # where paths and sums over groups are looked for
 from ..numerics.rng import LANES, PARTS
 from ..storage.records import Order, student
+from .tallies import Batch
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Sums of powers of values over jackknife groups of paths, and the means that follow from them.
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples: int) -> np.ndarray:
-    """Sums (powers, ..., GROUPS) with the values (blocks, ..., LANES) and their powers added.
+def with_powers(sums: np.ndarray, values: np.ndarray, batch: Batch) -> np.ndarray:
+    """Sums (powers, ..., GROUPS) with the values (blocks, ..., LANES) of a batch and their powers added.
 
-    One after the other, so that the bits do not depend on how blocks are divided into calls; paths from number
-    `samples` on do not count.
+    One after the other, so that the bits do not depend on how blocks are divided into batches.
     """
-    blocks, before = len(values), first_block % ROUND
+    blocks, before = batch.blocks, batch.first % ROUND
     rounds = -(-(before + blocks) // ROUND)
-    counted = np.clip(samples - (first_block + np.arange(blocks)) * LANES, 0, LANES)
-    values = np.where(np.arange(LANES) < counted.reshape(-1, *[1] * (values.ndim - 1)), values, 0.0)
+    counted = batch.counted.reshape(blocks, *[1] * (values.ndim - 2), LANES)
+    values = np.where(counted, values, 0.0)
     # (rounds, lanes of a part, ...): what is added to the sums of all groups at once
     ordered = np.zeros((rounds, LANES // PARTS, values[0, ..., 0].size, ROUND, PARTS))
     by_part = values.reshape(blocks, -1, LANES // PARTS, PARTS)
@@ -47,15 +47,12 @@ def with_powers(sums: np.ndarray, values: np.ndarray, first_block: int, samples:
     return added
 
 
-def by_group(values: Array, first: int, end: int) -> Array:
-    """(..., GROUPS): sums over jackknife groups of values (blocks, LANES, ...), the first block being number `first`.
-
-    Paths from number `end` on do not count, whatever they hold.
-    """
+def by_group(values: Array, batch: Batch) -> Array:
+    """(..., GROUPS): sums over jackknife groups of values (blocks, LANES, ...) of a batch, whatever idle paths hold."""
     sums = np.zeros((*values.shape[2:], ROUND, PARTS), values.dtype)
-    for b, block in enumerate(values, first):
-        counted = np.arange(LANES).reshape(-1, *[1] * (block.ndim - 1)) < end - b * LANES
-        parts = np.where(counted, block, 0).reshape(LANES // PARTS, PARTS, *block.shape[1:]).sum(axis=0)
+    for b, (block, counted) in enumerate(zip(values, batch.counted, strict=True), batch.first):
+        used = np.where(counted.reshape(-1, *[1] * (block.ndim - 1)), block, 0)
+        parts = used.reshape(LANES // PARTS, PARTS, *block.shape[1:]).sum(axis=0)
         sums[..., b % ROUND, :] += np.moveaxis(parts, 0, -1)
     return sums.reshape(*values.shape[2:], GROUPS)
 

@@ -18,6 +18,7 @@ from typing import Any, NamedTuple, Protocol, Self
 import numpy as np
 
 from ..numerics.rng import LANES
+from ..numerics.types import Array
 
 #: Paths * steps * dimension^2 of a chunk, at most: some two seconds of one thread.
 CHUNK_WORK = 2**32
@@ -40,6 +41,37 @@ class Addable(Protocol):
         """Sums over these paths and the `later` ones of the path set."""
 
     def _asdict(self) -> dict[str, Any]: ...
+
+
+class Batch(NamedTuple):
+    """Consecutive blocks of the paths of one path set that are computed at once.
+
+    Lane l of block b is path b LANES + l.  Paths from number `end` on are idle: they may move, and count nowhere.
+    """
+
+    path_set: int  #: the number of the path set within its part
+    first: int  #: its first block
+    blocks: int  #: number of its blocks
+    end: int  #: the number of the path after the last one that counts
+
+    @classmethod
+    def of_first(cls, blocks: int, path_set: int = 0) -> "Batch":
+        """First blocks of a path set, of which all paths count."""
+        return cls(path_set, 0, blocks, blocks * LANES)
+
+    @property
+    def first_path(self) -> int:
+        """Number of its first path."""
+        return self.first * LANES
+
+    @property
+    def counted(self) -> Array:
+        """(blocks, LANES): whether a path counts."""
+        return (self.first_path + np.arange(self.blocks * LANES) < self.end).reshape(self.blocks, LANES)
+
+    def part(self, first: int, blocks: int) -> "Batch":
+        """Those `blocks` blocks of it that begin with block `first` of the path set."""
+        return self._replace(first=first, blocks=blocks)
 
 
 @dataclass(frozen=True)
@@ -65,6 +97,11 @@ class Chunk:
     def blocks(self) -> int:
         """Number of its blocks, the last one perhaps partly idle."""
         return -(-self.end // LANES) - self.first
+
+    @property
+    def batch(self) -> Batch:
+        """All of it at once."""
+        return Batch(self.path_set, self.first, self.blocks, self.end)
 
 
 class PathSet(NamedTuple):

@@ -351,7 +351,8 @@ def _arrays(group: Group) -> Iterator[Any]:
     yield from (values for _, values in group.variables.values())
 
 
-def _write_group(file: h5py.File, group: Group) -> None:
+def _made_group(file: h5py.File, group: Group) -> h5py.Group:
+    """Empty group in a file; StorageError of a name that a file cannot have."""
     for kind, name in (("case", group.case), ("variant", group.variant), ("estimator", group.estimator or "none")):
         if not name or name.startswith(".") or "/" in name:
             raise StorageError(f"the {kind} name {name!r} cannot be stored: choose one without '/' and leading '.'")
@@ -359,6 +360,11 @@ def _write_group(file: h5py.File, group: Group) -> None:
     target = case.get(group.variant) or case.create_group(group.variant, track_order=True)
     if group.estimator:
         target = target.create_group(group.estimator, track_order=True)
+    return target
+
+
+def _write_group(file: h5py.File, group: Group) -> None:
+    target = _made_group(file, group)
     _write_attributes(target, group.attributes)
     for name, values in group.coordinates.items():
         _write_array(target, name, values).make_scale(name)

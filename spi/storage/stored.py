@@ -17,7 +17,7 @@
 
 A study makes such a record; ``record.group()`` is the group that stores it and ``Energies.of(group)`` the record again.
 Long names, formulas and units go into the file with the arrays, and from there to xarray.  From the same fields come
-the quantities that a spec may expect (``spi.statistics.claims``), rows of CSV and JSON (``spi.printing.rows``), tables
+the quantities that a spec may expect (``spi.statistics.claims``), tables of exports (``spi.printing.rows``), tables
 (``spi.printing.tables``) and the page docs/reference/results.md.
 
 A field that is None is not stored.  Axes that no field describes, as "casimir", are numbered from 0.  A field that is a
@@ -58,7 +58,7 @@ from spi.numerics.types import Array
 from ..ensemble.long_states import LongState
 from ..ensemble.random_states import RandomState
 from ..numerics.groups import filled_groups
-from .records import Group, Order, Part, student
+from .records import Group, Order, Part, Variables, student
 
 #: The axes that have no values of their own.
 NUMBERED = {
@@ -98,11 +98,10 @@ class Meaning(NamedTuple):
     formula: str = ""
     axes: tuple[str, ...] = ()
     name: str = ""  #: under which it is stored, if not under that of the field
-    column: str = ""  #: its name in JSON and CSV; of each place along further axes where it has a {}; "" if it is none
+    column: str = ""  #: its name in exports; of each place along an axis where it has a {}; "" if it is none
     is_axis: bool = False
     prefix: str = ""  #: of the names of the fields of a nested record, or of the entries of a dictionary
     claims: tuple[Claimed, ...] = ()  #: what specs may expect of it
-    apart: bool = False  #: whether a nested record has no columns in JSON and CSV
 
     @property
     def notes(self) -> dict[str, str]:
@@ -169,9 +168,9 @@ def fact(
     return _described(meaning, default)
 
 
-def nested(axes: str = "", prefix: str = "", apart: bool = False, default: Any = MISSING) -> Any:
+def nested(axes: str = "", prefix: str = "", default: Any = MISSING) -> Any:
     """A record within a record: the first axes of all its arrays, and the prefix of its names in a file."""
-    return _described(Meaning(axes=tuple(axes.split()), prefix=prefix, apart=apart), default)
+    return _described(Meaning(axes=tuple(axes.split()), prefix=prefix), default)
 
 
 V = TypeVar("V")
@@ -268,7 +267,13 @@ class Entry(NamedTuple):
     is_fact: bool
     path: tuple[str, ...]  #: from the record to its value
     field: Field | None = None  #: None of a derived property
-    apart: bool = False  #: whether it belongs to a nested record that is
+
+    @property
+    def is_exported(self) -> bool:
+        """Whether it is numbers of a table: an array, a fact over axes, or a derived property with a column."""
+        if self.meaning.is_axis:
+            return False
+        return not self.is_fact or bool(self.meaning.axes) if self.field else bool(self.meaning.column)
 
     def of(self, record: Any) -> Any:
         """Its value in a record; None if there is none."""
@@ -297,9 +302,9 @@ def layout(
         if field.is_order:
             meaning = (meaning if meaning.text else ORDER)._replace(claims=_CLAIMED * (name == "order"))
             here = (*here, "order")
-        yield Entry(name, axes, meaning, needed, is_fact, here, field, outer.apart)
+        yield Entry(name, axes, meaning, needed, is_fact, here, field)
         for end, part, attribute in zip(ends, ENDS, Order._fields[1:], strict=False):
-            yield Entry(end, axes, part, needed, False, (*here[:-1], attribute), field, outer.apart)
+            yield Entry(end, axes, part, needed, False, (*here[:-1], attribute), field)
 
 
 def properties(
@@ -308,11 +313,12 @@ def properties(
     path: tuple[str, ...] = (),
 ) -> Iterator[Entry]:
     """Derived properties of a record and of those within it."""
-    for name, member in vars(cls).items():
+    members = {name: member for base in reversed(cls.__mro__) for name, member in vars(base).items()}
+    for name, member in members.items():
         if isinstance(member, Derived):
             meaning = member.meaning
             axes, stored = (*outer.axes, *meaning.axes), meaning.name or outer.prefix + name
-            yield Entry(stored, axes, meaning, False, False, (*path, name), apart=outer.apart)
+            yield Entry(stored, axes, meaning, False, False, (*path, name))
     for field in cls.described:
         if field.is_record:
             yield from properties(field.type, field.meaning, (*path, field.name))
@@ -455,10 +461,9 @@ class Stored(Described):
     headline: ClassVar[tuple[str, ...]] = ()  #: the quantities that reports, and figures over a parameter, show first
     measures: ClassVar[str] = ""  #: a sentence that defines them, with LaTeX between dollars
     over_swept: ClassVar[str] = ""  #: the axis over which one record has the values of a swept parameter, if one does
-    row_axes: ClassVar[tuple[str, ...]] = ()  #: the axes whose points are the rows of CSV and JSON
-    row_columns: ClassVar[tuple[str, ...]] = ()  #: those that are spread over columns
-    row_largest: ClassVar[tuple[str, ...]] = ()  #: those along which the largest value counts
-    row_last: ClassVar[tuple[str, ...]] = ()  #: those at whose end alone a row has what is not over them
+    row_axes: ClassVar[tuple[str, ...]] = ()  #: those of the main table of exports, see ``spi.printing.rows``
+    row_columns: ClassVar[tuple[str, ...]] = ()  #: those that are spread over columns there
+    row_largest: ClassVar[tuple[str, ...]] = ()  #: those along which the largest value counts there
 
     tables: ClassVar[Sequence[Any]] = ()  #: those of a case, see ``spi.printing.tables``
 
@@ -537,6 +542,33 @@ class Stored(Described):
             return Estimate(axes, numbers, numbers, numbers)
         certain = np.isinf(numbers)  # as that paths diverged
         return Estimate(axes, numbers, *(np.where(certain, numbers, end) for end in ends))
+
+    def exported(self) -> Variables:
+        """All that is in a table of exports: arrays and properties with a column, each with its 95 % interval.
+
+        That of ``x`` goes from ``x_low`` to ``x_high``, which follow where the record has no fields of these names.  A
+        record that adds to them adds the values along an axis as an array over itself.
+        """
+        there = ((entry, entry.of(self)) for entry in self.entries if entry.is_exported)
+        own: Variables = {entry.name: (entry.axes, np.asarray(value)) for entry, value in there if value is not None}
+        found: Variables = {}
+        for name, column in own.items():
+            found[name] = column
+            numbers = self.estimate(name)
+            if numbers is not None and not numbers.exact:
+                ends = {f"{name}_low": (numbers.axes, numbers.low), f"{name}_high": (numbers.axes, numbers.high)}
+                found |= {end: column for end, column in ends.items() if end not in own}
+        return found
+
+    @property
+    def axes(self) -> dict[str, Array | tuple[str, ...]]:
+        """Values along the axes that have any, by name."""
+        values = {entry.name: entry.of(self) for entry in self.entries if entry.meaning.is_axis}
+        return {name: value for name, value in values.items() if value is not None}
+
+    def beside(self, readings: Any) -> Variables:
+        """Further columns of the main table, which follow from several records of a file."""
+        return {}
 
     def along(self, name: str, numbers: "Estimate", default: Any) -> Array:
         """A field or derived property over the axes of `numbers`, the last along others; `default` if there is none."""
@@ -628,9 +660,20 @@ def _value(field: Field, group: Group, outer: Meaning) -> Any:
     if field.is_record:
         there = _is_there(field, group)
         return field.type(**_taken(field.type, group, field.meaning)) if there or not field.optional else None
-    if field.is_mapping:
-        prefix = field.meaning.prefix
-        return {key.removeprefix(prefix): it for key, it in group.attributes.items() if key.startswith(prefix)}
+    return _entries(group, field.meaning.prefix) if field.is_mapping else _stored(field, group, outer)
+
+
+def _entries(group: Group, prefix: str) -> dict[str, Any]:
+    """Attributes whose names begin alike, in whose tuples None, a noise that is off, is stored as NaN."""
+
+    def read(value: Any) -> Any:
+        return tuple(None if x != x else x for x in value) if isinstance(value, tuple) else value
+
+    return {name.removeprefix(prefix): read(it) for name, it in group.attributes.items() if name.startswith(prefix)}
+
+
+def _stored(field: Field, group: Group, outer: Meaning) -> Any:
+    """Value of a field that is no record of its own."""
     names = stored_names(field, outer.prefix)
     held: Any = group.arrays | group.coordinates if field.is_array or field.is_order else group.attributes
     if names[0] not in held and (field.optional or field.default is not MISSING):

@@ -1,16 +1,19 @@
 """Stored results as readings, tables and figures, by the kind of experiment that they are of."""
 
+import difflib
+import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
 from ..kinds import KINDS
-from ..printing import sweeps, tables
-from ..printing.rows import rows_of
+from ..printing import as_csv, as_json, latex, sweeps, tables
+from ..printing.rows import DataTable, tables_of
 from ..printing.tables import StyledText, TextTable, printed, show_items
 from ..printing.text import new_console, printable
 from ..specs.document import Document, SpecError
+from ..specs.figures import read_figure
 from ..statistics import claims
 from ..statistics.curves import Curve, curves
 from ..storage import StorageError, write_all
@@ -20,6 +23,7 @@ from ..storage.stored import Stored, by_case
 if TYPE_CHECKING:
     from ..drawing import Figure
     from ..drawing.film import Film
+    from ..drawing.layout import PanelFigure
 
 
 #: What of a reading is told above its figure.
@@ -35,19 +39,22 @@ class SweptCase(NamedTuple):
     curves: list[Curve]
 
 
-def wholes(read: Sequence[Stored]) -> list[SweptCase]:
-    """Cases that are swept, in the order of the file; none if no parameter is."""
+def wholes(read: Sequence[Stored], of: Sequence[str] = ()) -> list[SweptCase]:
+    """Cases that are swept, in the order of the file, with curves of some quantities; none if no parameter is."""
     swept = [one for one in read if one.about.swept]
     return [
-        _whole([one for one in swept if one.about.owner == owner])
+        _whole([one for one in swept if one.about.owner == owner], of)
         for owner in dict.fromkeys(one.about.owner for one in swept)
     ]
 
 
-def _whole(read: list[Stored]) -> SweptCase:
+def _whole(read: list[Stored], of: Sequence[str]) -> SweptCase:
     swept: Any = read[0].about.swept
     quantities = [one for case in by_case(read) for one in claims.quantities(case)]
-    shown = [curve for curve in curves(quantities, swept.of or read[0].headline) if curve.is_known]
+    known = dict.fromkeys(one.name for one in quantities)
+    if unknown := next((name for name in of if name not in known), None):
+        raise ValueError(f"panels: has '{unknown}'; of a sweep they are quantities: {', '.join(known)}")
+    shown = [curve for curve in curves(quantities, of or swept.of or read[0].headline) if curve.is_known]
     return SweptCase(swept.owner, swept.title, read, shown)
 
 
@@ -103,16 +110,66 @@ def _judged(results: StoredResults, read: list[Stored]) -> list[claims.Verdict]:
     return claims.judge(stated, [one for case in by_case(read) for one in claims.quantities(case)])
 
 
-def rows(results: StoredResults) -> list[dict[str, Any]]:
-    """One flat record per case, scheme and point of the first axis (of errors step sizes, else times).
+def data_tables(results: StoredResults) -> dict[str, DataTable]:
+    """Tables of all numbers with their intervals by name, the main one first; see ``spi.printing.rows``.
 
-    Where claims are stored, a record has their verdicts in columns such as ``claim[order]``.
+    Where claims are stored, the main one has their verdicts in columns such as ``claim[order]``.
     """
     read = readings(results)
     judged, owners = _judged(results, read), {one.about.case: one.about.owner for one in read}
-    own = getattr(KINDS[results.attributes["kind"]].results, "rows", None)
-    records = list(own(read)) if own else [row for one in read for row in rows_of(one)]
-    return [record | tables.columns(record, owners[record["case"]], judged) for record in records]
+    found = tables_of(read)
+    for main in [*found.values()][:1]:
+        main.further = lambda row: tables.columns(row, owners[row["case"]], judged)
+    return found
+
+
+def data_table(results: StoredResults, name: str = "") -> DataTable:
+    """Table of this name, or that with a column of this name, the main one by default; ValueError if there is none."""
+    found = data_tables(results)
+    if not found:
+        raise ValueError("the results hold no scheme, so there is no table")
+    chosen = {column: table for table in reversed(found.values()) for column in table.numbers} | found
+    if not name:
+        return next(iter(found.values()))
+    if name not in chosen:
+        near = difflib.get_close_matches(name, chosen, 1)
+        meant = f"; did you mean {near[0]}?" if near else ""
+        raise ValueError(f"there is no table {name}; tables: {', '.join(found)}{meant}")
+    return chosen[name]
+
+
+def rows(results: StoredResults) -> list[dict[str, Any]]:
+    """Rows of the main table; none of results that hold no scheme."""
+    return next((table.rows for table in data_tables(results).values()), [])
+
+
+#: A table of more rows is not written as LaTeX.
+MOST_LATEX_ROWS = 400
+
+
+def exports(results: StoredResults, name: str, format: str) -> dict[str, bytes]:
+    """Files with all tables, of the format "csv", "json" or "latex": name of a file -> content.
+
+    These are ``<name>.csv`` with the main table and ``<name>.<table>.csv`` with each further one; as LaTeX
+    ``<name>.tex`` with what is printed, and each table that has at most :data:`MOST_LATEX_ROWS` rows.
+    """
+    found = data_tables(results)
+    if format != "latex":
+        write = as_json if format == "json" else as_csv
+        stems = [name if i == 0 else f"{name}.{one}" for i, one in enumerate(found)]
+        both = zip(stems, found.values(), strict=True)
+        return {f"{stem}.{format}": write(table.rows).encode() for stem, table in both}
+    whole = {f"{name}.tex": as_latex(results, name).encode()}
+    few = {one: table for one, table in found.items() if len(table.rows) <= MOST_LATEX_ROWS}
+    return whole | {f"{name}.{one}.tex": as_latex(results, name, table).encode() for one, table in few.items()}
+
+
+def as_latex(results: StoredResults, name: str, table: DataTable | None = None) -> str:
+    """A table as LaTeX, by default those that are printed."""
+    shown = [item for items, _ in by_cases(results) for item in items] if table is None else [table.as_text()]
+    grids = [latex.Titled.of(item) for item in shown if isinstance(item, TextTable)]
+    label = name if table is None else f"{name}-{table.name}"
+    return latex.document(label, title(results, readings(results)), grids)
 
 
 def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
@@ -124,14 +181,22 @@ def titles(cases: Sequence[Sequence[Stored]]) -> list[str]:
     ]
 
 
-def print_tables(results: StoredResults, file: IO[str] | None = None) -> None:
+def print_tables(results: StoredResults, file: IO[str] | None = None, everything: bool = False) -> None:
     """:func:`show` to ``file`` (standard output if None), in colour if that is a terminal."""
-    show(results, new_console(file))
+    show(results, new_console(file), everything)
 
 
-def show(results: StoredResults, console: Any) -> None:
-    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts."""
-    cases = list(by_cases(results))  # before anything is printed: they may not be readable
+def print_data(table: DataTable) -> None:
+    """Print a table of numbers to standard output."""
+    show_items(new_console(None), [table.as_text()])
+
+
+def show(results: StoredResults, console: Any, everything: bool = False) -> None:
+    """Print the tables of each case to a ``rich.console.Console``; under them stand its claims with their verdicts.
+
+    Tables in which a line says enough are that line, unless `everything` is asked for.
+    """
+    cases = list(by_cases(results, everything))  # before anything is printed: they may not be readable
     if title := results.attributes.get("title"):
         console.print(printable(title), style="bold", markup=False)
     for items, judged in cases:
@@ -139,7 +204,9 @@ def show(results: StoredResults, console: Any) -> None:
         tables.show(console, judged)
 
 
-def by_cases(results: StoredResults) -> Iterator[tuple[list[TextTable | StyledText], list[claims.Verdict]]]:
+def by_cases(
+    results: StoredResults, everything: bool = False
+) -> Iterator[tuple[list[TextTable | StyledText], list[claims.Verdict]]]:
     """Tables and lines of each case, swept ones as a whole, and the verdicts on its claims."""
     read, title = readings(results), results.attributes.get("title")
     judged, swept = _judged(results, read), wholes(read)
@@ -149,38 +216,39 @@ def by_cases(results: StoredResults) -> Iterator[tuple[list[TextTable | StyledTe
     cases = [] if swept else by_case(read)
     for case, case_title in zip(cases, titles(cases), strict=True):
         heading = "" if case_title == title else printable(case_title)
-        yield list(printed(heading, case)), [one for one in judged if one.claim.case == case[0].about.case]
+        yield list(printed(heading, case, everything)), [one for one in judged if one.claim.case == case[0].about.case]
 
 
-def figure(
-    results: StoredResults,
-    style: str = "screen",
-    width: str | float | None = None,
-    height: str | float | None = None,
-    font: str | None = None,
-    font_size: float | None = None,
-) -> "Figure":
-    """Matplotlib figure of results.
+def chosen(results: StoredResults, **given: Any) -> dict[str, Any]:
+    """What is chosen of the figure of results: by the key ``figure`` of their spec, and above that what is given.
 
-    It is as wide and high as its panels want to be, or as ``width`` and ``height`` say, in inches or as in "130mm";
-    ``width`` may be "one" (3.35 inches) or "two" (7 inches) columns of a paper.  Its text has ``font_size`` points (by
-    default 9), other letters in proportion, of the ``font`` "serif", "sans" (by default) or an installed TrueType
-    family.  In the style "paper" it is one column wide and its text has 8 points of "serif" by default; title and
-    parameters are then left to the caption, see ``spi.drawing.style.caption``.  ValueError if there is no figure for
-    their kind, nothing to draw, no room for the panels, or no such style, width, height, font or size.
+    ValueError, with the reason, about a word that is none of ``spi.specs.figures.FIGURE_KEYS``, or its value.
+    """
+    stored = json.loads(results.attributes.get("figure_keys") or "{}")
+    return read_figure(stored) | read_figure(given)
+
+
+def figure(results: StoredResults, **given: Any) -> "PanelFigure":
+    """Matplotlib figure of results; its ``panels`` are the axes of its panels.
+
+    It is as wide and high as its panels want to be.  The words that may be given, those of ``FIGURE_KEYS`` in
+    ``spi.specs.figures``, are the options of ``spi plot`` and the keys of ``figure`` in a spec: ``panels``, ``log``,
+    ``xlim``, ``width``, ...  In the style "paper" it is one column wide and its text has 8 points of "serif" by
+    default; title and parameters are then left to the caption, see ``spi.drawing.style.caption``.  ValueError if there
+    is no figure for their kind, nothing to draw, no room for the panels, or if a word or its value is wrong.
     """
     from ..drawing import fitting, page
 
     kind: Any = results.attributes.get("kind")
     if kind not in KINDS:
         raise ValueError(f"there is no figure for results of kind {kind!r}; known kinds: {', '.join(KINDS)}")
-    read = readings(results)
+    read, words = readings(results), chosen(results, **given)
     if not read:
         raise ValueError("the results hold no scheme, so there is nothing to draw")
-    with page.applied(page.named(style, width, height, font, font_size)):
-        heading = title(results, read)
-        over = wholes(read)
-        drawn = (
+    with page.applied(page.named(**words)):
+        heading = words.get("title") or title(results, read)
+        over = wholes(read, words.get("panels", ()))
+        drawn: PanelFigure = (
             _swept_figure(kind, heading, over, results.attributes.get("spec", ""))
             if over
             else KINDS[kind].figure.draw(heading, by_case(read))
@@ -189,14 +257,21 @@ def figure(
         return drawn
 
 
-def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "Figure":
+def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
-    from ..drawing.sweeps import draw, draw_maps
+    from ..drawing import page
+    from ..drawing.sweeps import draw, draw_maps, each_value
 
     drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
-    sorts = KINDS[kind].keys.Case.quantities
+    sorts, over = KINDS[kind].keys.Case.quantities, page.current().chosen.get("overlay")
+    if over and all(curve.second_word == over for _, curves, _ in drawn for curve in curves):
+        drawn = [
+            (name, [line for curve in curves for line in each_value(curve)], facts) for name, curves, facts in drawn
+        ]
+        with page.without("overlay"):
+            return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
     if any(curve.second_word for _, curves, _ in drawn for curve in curves):
         return draw_maps(title, drawn, sorts)
     return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
@@ -217,15 +292,18 @@ def _formulas(spec: str, key: str) -> dict[str, str]:
     return {str(name): str(text) for name, text in named if isinstance(text, str | int | float) and name not in own}
 
 
-def film(results: StoredResults) -> "Film":
-    """Film of results; ValueError if there is none for their kind, or nothing that moves."""
+def film(results: StoredResults, **given: Any) -> "Film":
+    """Film of results; ValueError if there is none for their kind, or nothing that moves.
+
+    What may be given is the same as for :func:`figure`: a film has its width, height and letters.
+    """
     from ..drawing import page
 
     kind: Any = results.attributes.get("kind")
     draw = getattr(KINDS[kind].figure, "film", None) if kind in KINDS else None
     if draw is None:
         raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
-    with page.applied():
+    with page.applied(page.named(**chosen(results, **given))):
         film: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
         return film
 
@@ -237,15 +315,23 @@ def problem(path: Path, error: Exception) -> str:
     return text if text.startswith(f"{path}: ") else f"{path}: {text}"
 
 
-def save_film(film: "Film", folder: str | Path, stem: str, report: Callable[[int, int], None]) -> Path:
-    """Write ``<stem>.gif`` into ``folder``, whole or not at all; StorageError if that is not possible.
+def save_film(
+    film: "Film",
+    folder: str | Path,
+    stem: str,
+    report: Callable[[int, int], None],
+    form: str = "gif",
+    fps: float | None = None,
+) -> Path:
+    """Write ``<stem>.gif``, or ``.mp4``, into ``folder``, whole or not at all; StorageError if that is not possible.
 
-    `report` is told the frames drawn and how many there are.
+    `report` is told the frames drawn and how many there are; there are `fps` a second.  ValueError about an MP4 if
+    there is no ffmpeg.
     """
-    from ..drawing.film import as_gif
+    from ..drawing.film import as_bytes
 
-    path = Path(folder, f"{stem}.gif")
-    write_all({path: as_gif(film, report)})
+    path = Path(folder, f"{stem}.{form}")
+    write_all({path: as_bytes(film, form, report, fps)})
     return path
 
 

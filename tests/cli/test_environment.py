@@ -66,7 +66,7 @@ sys.argv[1:] = arguments
 def test_an_output_that_is_not_unicode(encoding):
     storage.write("r.h5", strong(strong_group("splitting", case_title="σ → Ĥ"), title="Ĥ ± µ"))
     done = program("check", "σ.yaml", before=MORE, PYTHONIOENCODING=encoding)
-    assert done.returncode == 2 and done.stderr.count(b"\n") == 1 and b"yaml: no such file" in done.stderr
+    assert done.returncode == 2 and b"yaml: no such file" in done.stderr.splitlines()[-1]
     shown, rows, *others, _ = done.stdout.decode(encoding).split("====\n")
     assert shown.startswith("H +- u" if encoding == "ascii" else "H ± µ")
     assert len(json.loads(rows)) == 9

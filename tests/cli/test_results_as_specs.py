@@ -10,6 +10,7 @@ from own_models import OSCILLATOR
 from strong_results import strong, strong_group
 
 from spi import storage
+from spi.plugins import offers
 from spi.running import run as runner
 from spi.specs.naming import results_in, results_name
 
@@ -108,7 +109,7 @@ def test_code_in_a_results_file_is_run_by_nobody_unasked(tmp_path, monkeypatch):
     with loop_in_python():
         path = runner.run(runner.load("sent/s.yaml"), "sent")
     code = with_code(path, "first")
-    for command in ("run", "check", "model", "merge", "answer"):
+    for command in ("run", "check", "model", *offers("commands").keys() & {"merge", "answer"}):
         done, out, err = call(command, path)
         refused = f"spi: {path}: holds Python code, model.py, that equals no file of that path here"
         assert (done, out, err.count("\n")) == (2, "", 1) and err.startswith(refused), err

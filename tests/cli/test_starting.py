@@ -11,6 +11,9 @@ from damage import call, refusal
 from strong_results import strong, strong_group
 
 from spi import storage
+from spi.cli import showing
+from spi.kinds import KINDS
+from spi.plugins import offers
 from spi.running import shipped
 from spi.running.run import load
 from spi.specs import SpecError
@@ -33,16 +36,17 @@ def test_experiments_that_come_with_the_program_are_found_by_name():
     code, out, err = call("check", "rigid_body_strong")
     assert (code, err) == (0, "") and out.startswith("rigid_body_strong: valid")
     assert refusal("check", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong: --seed: seed: is 'x'")
-    assert refusal("answer", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong.answer: --seed")
+    path = shipped.path_of("rigid_body_strong")  # what is given by its path is called by it
+    assert refusal("check", str(path), "--seed=x").startswith(f"spi: {path}: --seed")
+    Path("rigid_body_strong").write_text("kind: nonsense")  # a file of that name goes first
+    assert refusal("check", "rigid_body_strong").startswith("spi: rigid_body_strong:1: kind: is 'nonsense'")
+    Path("rigid_body_strong").unlink()
     assert refusal("merge", "rigid_body_strong") == (
         f"spi: {Path('results/sums')}: no shards of rigid_body_strong here; "
         "`spi run rigid_body_strong --shard 1/4` computes the first of four\n"
     )
-    path = shipped.path_of("rigid_body_strong")  # what is given by its path is called by it
-    assert refusal("check", str(path), "--seed=x").startswith(f"spi: {path}: --seed")
+    assert refusal("answer", "rigid_body_strong", "--seed=x").startswith("spi: rigid_body_strong.answer: --seed")
     assert refusal("answer", str(path), "--seed=x").startswith(f"spi: {path.parent}")
-    Path("rigid_body_strong").write_text("kind: nonsense")  # a file of that name goes first
-    assert refusal("check", "rigid_body_strong").startswith("spi: rigid_body_strong:1: kind: is 'nonsense'")
 
 
 @pytest.mark.parametrize("name", ["rigid_body_stron", "rigid_body_stron.yaml"])
@@ -63,7 +67,7 @@ def test_a_command_without_its_experiment_says_what_to_give(command):
 
 
 def test_stored_results_are_found_by_name():
-    for command in ("show", "plot", "verify"):
+    for command in ("show", "plot", *offers("commands").keys() & {"verify"}):
         assert refusal(command, "mine").startswith("spi: results/mine.h5: no such file; give a file of results")
         missing = "spi: results/rigid_body_strong.h5: no such file; `spi run rigid_body_strong` writes it\n"
         assert refusal(command, "rigid_body_strong") == missing
@@ -90,7 +94,7 @@ def test_help_fits_80_columns_and_no_command_is_told_by_half_a_sentence(monkeypa
     code, out, err = call("--help")
     assert (code, err) == (0, "")
     commands = re.findall(r"^  ([a-z]+) +[A-Z]\S* ", out, re.MULTILINE)
-    assert {"run", "list", "new", "plot", "show", "verify", "check", "doctor"} <= set(commands)
+    assert {"run", "list", "new", "plot", "show", "check", "doctor", *offers("commands")} <= set(commands)
     assert re.findall(r"^(\S.*):$", out, re.MULTILINE) == ["Options", "Begin", "Compute", "Look at results", "More"]
     assert "...\n" not in out.partition("Options:")[2] and max(map(len, out.splitlines())) <= 80
     for command in commands:
@@ -98,7 +102,7 @@ def test_help_fits_80_columns_and_no_command_is_told_by_half_a_sentence(monkeypa
         assert (code, err) == (0, "") and page.startswith(f"Usage: spi {command}")
         assert max(map(len, page.splitlines())) <= 80 and "\x1b" not in page and "...\n" not in page.partition("\n")[2]
         examples = re.findall(rf"^    spi {command} .*", page.partition("Examples:")[2], re.MULTILINE)
-        assert len(examples) == 2 * (command in ("run", "answer", "plot"))
+        assert len(examples) == 2 * (command in ("run", "answer", "plot", "study"))
 
 
 # --- spi list -------------------------------------------------------------------------------------------------------
@@ -177,6 +181,46 @@ def test_a_new_experiment_is_valid_and_so_is_each_key_that_it_has_switched_off(o
     Path("mine.yaml").write_text(switched_on(wrong, blocks[:1]).replace("# x", "x", 1))
     with pytest.raises(SpecError, match="not a known key"):  # so the keys are really switched on
         load("mine.yaml")
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_a_new_experiment_of_each_kind_is_valid_and_names_all_keys(kind):
+    code, _, err = call("new", "mine", "--kind", kind)
+    assert code == 0 and err.startswith("wrote mine.yaml\n")
+    assert call("check", "mine.yaml")[0] == 0
+    text = Path("mine.yaml").read_text()
+    assert load("mine.yaml").kind == kind and max(map(len, text.splitlines())) <= 120 and "NAME" not in text
+    if kind != "strong":  # which has some keys only, with examples
+        assert {*re.findall(r"^(?:# )?(\w+):", text, re.MULTILINE)} >= {*KINDS[kind].keys.Case.model_fields} - {"name"}
+
+
+def test_an_unknown_kind_or_group_is_told_with_what_is_near():
+    assert "--kind: 'wek' is not a kind of experiment here; did you mean 'weak'?" in refusal(
+        "new", "a", "--kind", "wek"
+    )
+    assert "--kind and --from" in refusal("new", "a", "--kind", "weak", "--from", "b").replace(
+        "from and --kind", "kind and --from"
+    )
+    assert "'papr' is not a group of experiments; did you mean 'paper'?" in refusal("run", "--group", "papr")
+
+
+def test_a_group_is_all_of_its_experiments():
+    paper = showing.members("paper")
+    figures = [shipped.path_of(name).read_text(encoding="utf-8") for name in paper]
+    assert [int(re.search(r"^figure: (\d+)", text, re.MULTILINE)[1]) for text in figures] == [*range(1, 18)]
+    with pytest.raises(SpecError, match="there is no folder experiments"):
+        showing.members("yours")
+    Path("experiments").mkdir()
+    Path("experiments/mine.yaml").write_bytes(shipped.path_of("rigid_body_strong").read_bytes())
+    assert showing.members("yours") == [Path("experiments/mine.yaml")]
+
+
+def test_the_beginning_of_a_name_is_enough_to_be_told_what_is_meant():
+    told = "did you mean rigid_body_ap_failure, rigid_body_ap_invariants or rigid_body_ap_trajectories?"
+    assert told in refusal("show", "rigid")
+    Path("results").mkdir()
+    Path("results/rigid_mine.h5").write_bytes(b"")
+    assert "did you mean rigid_mine?" in refusal("show", "rigid")
 
 
 @pytest.mark.needs("systems")

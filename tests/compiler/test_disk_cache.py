@@ -69,11 +69,11 @@ def run(folder, program):
 
 #: Edits of the package, (file, text, what takes its place): those after which nothing is compiled again, and one.
 EDITS = {
-    False: (  # a label, a docstring, an estimator, a definition in YAML
+    False: (  # a label, a docstring, an estimator, the reading of specs
         ("schemes/table.py", 'label="splitting"', 'label="Lie-Trotter"'),
         ("kinds/strong/results.py", '"""Record of strong errors."""', '"""Strong errors, stored."""'),
         ("statistics/rounding.py", "\nMULTIPLE = 8.0", "\nMULTIPLE = 9.0"),
-        ("plugins/systems/definition.py", '"""', '"""Edited: '),
+        ("specs/cases.py", '"""', '"""Edited: '),
     ),
     True: (("models/rigid_body.py", "return 0.5 * (y[0] * y[0] / i[0]", "return 1.5 * (y[0] * y[0] / i[0]"),),  # a flow
 }

@@ -13,8 +13,6 @@ from spi.ensemble.loop import grid, integrated, paths_of
 from spi.ensemble.protocol import dimension, in_kernels, noises
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, advance, advance_large, report_row, work_size
 from spi.models.delegation import thermal
-from spi.plugins.fluids.models import ModeNoise, Zeitlin
-from spi.plugins.spins.models import Spins, Terms, Transport
 from spi.schemes import SCHEMES, of_model
 from spi.schemes.midpoint import IsospectralMidpoint, Midpoint
 
@@ -57,34 +55,57 @@ def test_failures_are_those_of_the_lanes_asked_for():
         assert report[SOLVES] == end - first and report[FAILURES] == sum(failed[first:end])
 
 
-SPINS = Spins("ring", (4,), (Terms(exchange=(1.0, 0.8, 0.5)),), noise=Transport(0.9))
-WARM = thermal(SPINS._replace(noise=None, alpha=0.5, by="sites"), 0.7)
-FLUID = Zeitlin(3, (ModeNoise(1.5, modes=((0, 1), (1, 0))),))
-BODY = thermal(RIGID_BODY, 0.02)
-STARTS = {Spins: (0.6, 0.0, 0.8, 0.0, 1.0, 0.0, -0.6, 0.8, 0.0, 0.0, 0.0, 1.0), Zeitlin: (0.3, -0.4, 0.5, 0.2) * 2}
+def fluid(temperature=np.inf):
+    """Four complex modes and two noises."""
+    from spi.plugins.fluids.models import ModeNoise, Zeitlin
+
+    return thermal(Zeitlin(3, (ModeNoise(1.5, modes=((0, 1), (1, 0))),)), temperature)
+
+
+def spins(*axis, temperature=np.inf):
+    """Four spins, with noise about all axes or one, or at a temperature."""
+    from spi.plugins.spins.models import Spins, Terms, Transport
+
+    model = Spins("ring", (4,), (Terms(exchange=(1.0, 0.8, 0.5)),), noise=Transport(0.9, *axis))
+    cold = temperature == np.inf
+    return model if cold else thermal(model._replace(noise=None, alpha=0.5, by="sites"), temperature)
+
+
+MODELS = {
+    "body": lambda: RIGID_BODY,
+    "warm body": lambda: thermal(RIGID_BODY, 0.02),
+    "fluid": fluid,
+    "warm fluid": lambda: fluid(0.7),
+    "spins": spins,
+    "spins about an axis": lambda: spins((0.0, 0.6, 0.8)),
+    "warm spins": lambda: spins(temperature=0.7),
+}
+FLUID = (0.3, -0.4, 0.5, 0.2) * 2  # a state
+#: By dimension.
+STARTS = {3: INITIAL, 8: FLUID, 12: (0.6, 0.0, 0.8, 0.0, 1.0, 0.0, -0.6, 0.8, 0.0, 0.0, 0.0, 1.0)}
 
 #: (model, scheme): with failures, angles above pi/4 and refused flows.
 RUNS = {
-    "midpoint": (RIGID_BODY, Midpoint(most_iterations=2)),
-    "isospectral": (RIGID_BODY, IsospectralMidpoint(most_iterations=1)),
-    "splitting": (RIGID_BODY, "splitting"),
-    "judged": (BODY, "splitting_metropolis"),
-    "fluid, midpoint": (FLUID, Midpoint(most_iterations=1)),
-    "fluid, splitting": (FLUID, "splitting_symmetric"),
-    "fluid, judged": (thermal(FLUID, 0.7), "splitting_metropolis"),
-    "spins, midpoint": (SPINS, Midpoint(most_iterations=1)),
-    "spins, judged": (WARM, "splitting_metropolis"),
+    "midpoint": ("body", Midpoint(most_iterations=2)),
+    "isospectral": ("body", IsospectralMidpoint(most_iterations=1)),
+    "splitting": ("body", "splitting"),
+    "judged": ("warm body", "splitting_metropolis"),
+    "fluid, midpoint": ("fluid", Midpoint(most_iterations=1)),
+    "fluid, splitting": ("fluid", "splitting_symmetric"),
+    "fluid, judged": ("warm fluid", "splitting_metropolis"),
+    "spins, midpoint": ("spins", Midpoint(most_iterations=1)),
+    "spins, judged": ("warm spins", "splitting_metropolis"),
 }
 
 
 def run(model, scheme, samples, first_lane=0, h=0.5, steps=2, block=0):
     """(states [component, path] of the paths of a block, report), without the compiler."""
+    model = MODELS[model]()
     record = in_kernels(model)
-    start = STARTS.get(type(getattr(model, "model", model)), INITIAL)
     scheme = of_model(SCHEMES[scheme], model).record if isinstance(scheme, str) else scheme
     times = grid(h, steps, truncate=not hasattr(scheme, "stages"))._replace(first_lane=first_lane)
     with loop_in_python():
-        states, report = integrated(scheme, record, start, times, brownian(4), block, 1, samples)
+        states, report = integrated(scheme, record, STARTS[dimension(record)], times, brownian(4), block, 1, samples)
     return paths_of(states, dimension(record))[0][:, : samples - LANES * block], report[0, 0]
 
 
@@ -108,21 +129,21 @@ def test_reports_of_single_paths_add_up(name):
         assert everything[:SUMMED].sum() > 10 * report[:SUMMED].sum()
 
 
-def test_single_paths_report_different_numbers():
+@pytest.mark.parametrize("name", ["midpoint", "splitting", "judged", "fluid, judged", "spins, judged"])
+def test_single_paths_report_different_numbers(name):
     """Negative control of the test above: reports are not the same for all paths."""
-    for name in ("midpoint", "splitting", "judged", "fluid, judged", "spins, judged"):
-        found = {tuple(run(*RUNS[name], path + 1, path, h=0.9)[1]) for path in range(4)}
-        assert len(found) > 1, name
+    found = {tuple(run(*RUNS[name], path + 1, path, h=0.9)[1]) for path in range(4)}
+    assert len(found) > 1
 
 
 ARRAYS = {
-    f"{of}, {scheme}": (model, scheme)
-    for of, model, schemes in [
-        ("fluid", FLUID, ("splitting", "splitting_order2", "splitting_symmetric", "midpoint", "euler_maruyama")),
-        ("fluid at a temperature", thermal(FLUID, 0.7), ("splitting_symmetric", "splitting_metropolis")),
-        ("spins", SPINS, ("splitting", "splitting_order2", "midpoint", "heun_renormalised")),
-        ("spins about an axis", SPINS._replace(noise=Transport(0.9, (0.0, 0.6, 0.8))), ("splitting_order2",)),
-        ("spins at a temperature", WARM, ("splitting_symmetric", "splitting_metropolis")),
+    f"{model}, {scheme}": (model, scheme)
+    for model, schemes in [
+        ("fluid", ("splitting", "splitting_order2", "splitting_symmetric", "midpoint", "euler_maruyama")),
+        ("warm fluid", ("splitting_symmetric", "splitting_metropolis")),
+        ("spins", ("splitting", "splitting_order2", "midpoint", "heun_renormalised")),
+        ("spins about an axis", ("splitting_order2",)),
+        ("warm spins", ("splitting_symmetric", "splitting_metropolis")),
     ]
     for scheme in schemes
 }
@@ -144,8 +165,8 @@ def test_bits_of_array_states_do_not_depend_on_the_number_of_paths(name):
 
 def test_a_path_alone_is_not_compared_with_scratch():
     """A path alone takes a part of the scratch of eight; what is left in the rest decides nothing."""
-    scheme, model, found = Midpoint(), in_kernels(FLUID), []
-    start, dW = np.repeat(STARTS[Zeitlin], LANES), np.random.default_rng(1).normal(0.0, 0.3, noises(model) * LANES)
+    scheme, model, found = Midpoint(), in_kernels(fluid()), []
+    start, dW = np.repeat(FLUID, LANES), np.random.default_rng(1).normal(0.0, 0.3, noises(model) * LANES)
     for left in (0.0, 1e9, np.nan):
         block, work, report = start.copy(), np.full(work_size(scheme, model), left), report_row(0, 1)
         with uncompiled(), np.errstate(all="ignore"):

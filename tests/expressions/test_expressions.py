@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from spi import expressions
 from spi.expressions import as_numpy, canonical, is_step, parse_expression, range_of
 from spi.expressions.arithmetic import NumberError
-from spi.expressions.ranges import written_out
+from spi.expressions.ranges import numbered, written_out
 from spi.numerics.rng import LANES
 
 PAPER = "sin(2*pi*y1) + sin(2*pi*y2) + sin(2*pi*y3)"
@@ -274,3 +274,22 @@ def test_an_imaginary_number_is_none_where_i_is_a_component():
             parse_expression(text, 2, ("q", "i"))
     with pytest.raises(NumberError, match="complex"):
         parse_expression("2i*q", 2, ("q", "p"))
+
+
+def test_a_range_stands_for_functions_of_their_own():
+    """Each with its index in the name; sums over ranges, functionals and other formulas stay as they are"""
+    given = {"E": "E(k)/k for k = 1..n-1", "sum": "sum(y(k) for k = 1..2)", "top": {"maximum": "y1"}, "H": "H"}
+    known = {"E1": "E(1)/1", "E2": "E(2)/2"} | {name: given[name] for name in ("sum", "top", "H")}
+    assert numbered(given, {"n": 3, "size": 2.5}) == known
+    pairs = numbered({"w": "omega_re(i,j) for i = -1..0, j = 1..2"}, {})
+    assert pairs == {
+        f"w{name}": f"omega_re({i},{j})"
+        for name, i, j in (("m1_1", -1, 1), ("m1_2", -1, 2), ("0_1", 0, 1), ("0_2", 0, 2))
+    }
+    for functions, message in (
+        ({"E1": "y1", "E": "E(k) for k = 1..2"}, "there are two functions E1"),
+        ({"E": "E(k) for k = 1"}, "is not a range"),
+        ({"E": "E(k) for k = 1..m"}, "unknown word 'm'"),
+    ):
+        with pytest.raises(NumberError, match=message):
+            numbered(functions, {})

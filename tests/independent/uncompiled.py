@@ -73,6 +73,11 @@ def run(spec):
     return {name: np.asarray(dataset[name]) for name in (*dataset.coords, *dataset.data_vars)}
 
 
+def fluid(name, *args):
+    """What spi.fluid gives"""
+    return getattr(spi.fluid, name)(*args)
+
+
 def schemes():
     return [name for name, row in SCHEMES.items() if not row.multiscale]
 

@@ -13,8 +13,6 @@ from spi import storage
 from spi.exact.expectations import expectations
 from spi.kinds.plans import State, Task
 from spi.kinds.weak import study as weak
-from spi.plugins.clusters.running.verify import verify
-from spi.plugins.comparisons.kinds.work_precision import study as work_precision
 from spi.running.run import load, run
 from spi.schemes.splitting import SYMMETRIC
 from spi.schemes.stages import compositions
@@ -88,6 +86,8 @@ def test_sampling_agrees_with_expectations_without_sampling():
 
 
 def test_an_extrapolated_path_is_timed_at_all_its_steps():
+    from spi.plugins.comparisons.kinds.work_precision import study as work_precision
+
     text = re.sub(r"functions:\n( .*\n)*", "functions: y1^2\n", SPEC.read_text()).replace("weak", "work_precision")
     keys = [*SYMMETRIC_CASE, *COARSE, "estimators=[kolmogorov]", "accuracy=1e-6", "repeats=3"]
     case = load(SPEC, overrides=[*keys, "extrapolate=[0, 2]"], text=text).cases[0]
@@ -117,6 +117,8 @@ def test_each_level_of_extrapolation_is_a_part():
     assert weak.parts(case) == [
         Part(scheme, name, None, levels) for scheme in case.schemes for name in case.estimators for levels in (0, 1, 2)
     ]
+    from spi.plugins.comparisons.kinds.work_precision import study as work_precision
+
     chosen = {"functions": {"phi": "y1^2"}, "estimators": ("multilevel", "plain")}
     assert work_precision.parts(case.model_copy(update=chosen)) == [
         Part(scheme, "multilevel", None, levels) for scheme in case.schemes for levels in (0, 1, 2)
@@ -151,4 +153,6 @@ def test_all_levels_are_in_the_file_of_a_run(tmp_path):
         for estimator in ("multilevel", "plain")
         for variant in ("", "_extrapolated_1")
     ]
+    from spi.plugins.clusters.running.verify import verify
+
     assert verify(path, None).sound

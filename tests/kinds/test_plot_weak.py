@@ -25,6 +25,7 @@ def one_scheme(scheme="splitting", panels=("errors",), **stderrs):
     return groups
 
 
+@pytest.mark.needs("solve")
 def test_errors_of_three_estimators():
     """Samples are points with bars, what is not sampled a smooth line."""
     results = weak(*one_scheme())
@@ -54,6 +55,7 @@ def test_the_band_of_a_curve_only_where_it_can_be_seen():
     assert band.get_paths()[0].vertices[:, 1].max() == pytest.approx(0.5 / 64 + 1e-6)
 
 
+@pytest.mark.needs("solve")
 def test_accuracy_against_seconds():
     results = weak(*one_scheme(panels=("seconds",)))
     fig = rendered(views.figure(results))

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 
 import numpy as np
 import pytest
+from exported import missing
 from filled_results import filled, panels_of
 from helpers import printed
 
@@ -35,24 +36,30 @@ def unchanged(results):
 
 
 @pytest.mark.parametrize("kind", KINDS)
-def test_rows_are_plain_values_in_json_and_csv(kind):
-    """Every array over the axes of the rows is there under its own name, in their order."""
-    results, over = results_of(kind), KINDS[kind].results.Record.row_axes
-    rows, compared = views.rows(results), set()
-    for group in results.groups:
-        own = [row for row in rows if row["scheme"] == group.attributes["scheme"]]
-        for name, (axes, values) in group.variables.items():
-            if axes == over and name in own[-1]:
-                assert [row.get(name) for row in own] == values.ravel().tolist(), name
-                compared.add(name)
-    assert compared or kind in ("growth", "equilibrium")  # whose arrays have a further axis
+def test_every_array_is_in_a_table_with_its_interval(kind, monkeypatch):
+    """Under its own name, and one that is left out is noticed."""
+    results, record = results_of(kind), KINDS[kind].results.Record
+    tables, exported = views.data_tables(results), record.exported
+    assert missing(results, tables) == []
+    for table in tables.values():
+        check_rows(table.rows)
+    for name in results.groups[0].variables:
+        monkeypatch.setattr(
+            record, "exported", lambda one, name=name: {k: v for k, v in exported(one).items() if k != name}
+        )
+        assert name in missing(results, views.data_tables(results))
+
+
+def check_rows(rows):
+    """They are plain values, and the same in JSON and CSV."""
     assert rows and all(type(value) in (str, float, int, bool) for row in rows for value in row.values())
     back = json.loads(as_json(rows), parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
     assert [list(row) for row in back] == [list(row) for row in rows]
     table = list(csv.DictReader(io.StringIO(as_csv(rows))))
     assert len(table) == len(rows) and set(table[0]) == {key for row in rows for key in row}
     for text, row in zip(table, rows, strict=True):
-        assert all(float(text[key]) == value for key, value in row.items() if type(value) is float)
+        floats = {key: value for key, value in row.items() if type(value) is float}
+        assert all(float(text[key]) == value or value != value for key, value in floats.items())
 
 
 @pytest.mark.parametrize("kind", KINDS)

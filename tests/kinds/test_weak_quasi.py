@@ -8,10 +8,11 @@ from states import finished
 from weak_cases import case_of, plan_of
 
 from spi.exact.expectations import expectations
-from spi.kinds.blocks import values_of_blocks
+from spi.kinds.blocks import values_at_end
 from spi.schemes import SCHEMES
 from spi.schemes.stages import compositions
 from spi.statistics.estimators import group_counts
+from spi.statistics.tallies import Batch
 
 SCHEME = "splitting_order2"
 FUNCTIONS = {"phi": "sin(2*pi*y1)", "square": "y1^2"}
@@ -81,6 +82,6 @@ def test_points_are_worth_many_independent_paths(scheme, sigma, least):
 @compiled_only
 def test_more_samples_begin_with_the_same_paths():
     few, more = (plan_of(quasi(samples=n), SCHEME, "quasi") for n in (512, 4096))
-    values = [values_of_blocks(p, p.grid, p.stream, 0, 8, 512)[0] for p in (few, more)]
+    values = [values_at_end(p, p.grid, p.stream, Batch.of_first(8))[0] for p in (few, more)]
     assert np.array_equal(*values)
     assert few.deciding(0) == more.deciding(0)  # so that sums are gone on with

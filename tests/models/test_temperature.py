@@ -41,7 +41,6 @@ from spi.ensemble.protocol import (
 )
 from spi.models.delegation import Thermal, thermal, undamped
 from spi.numerics.angles import ANY_ANGLES
-from spi.plugins.fluids.models import ModeNoise, Zeitlin
 from spi.running.remarks import remarks, warnings
 from spi.running.run import plans
 from spi.schemes import SCHEMES, of_model, weak_exponents
@@ -181,6 +180,8 @@ def test_steps_are_consistent_with_the_friction(name):
 
 def test_slopes_of_arrays_are_those_of_h_along_the_noises():
     """(X_k H)(y) of quadratic and linear noises, against differences of H along their fields."""
+    from spi.plugins.fluids.models import ModeNoise, Zeitlin
+
     model = thermal(Zeitlin(5, (ModeNoise(0.7, shell=1, hamiltonian="linear"), ModeNoise(0.5, shell=2))), TEMPERATURE)
     with uncompiled():
         kernel = in_kernels(model)

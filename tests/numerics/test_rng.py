@@ -33,7 +33,6 @@ from spi.numerics.rng import (
     read_coins,
     toss,
 )
-from spi.plugins.answers.kinds.answer.sets import SETS, all_sets
 
 COMPILED = not numba.config.DISABLE_JIT
 BLOCKS = 128 if COMPILED else 8
@@ -304,6 +303,8 @@ def test_streams_do_not_overlap():
     added = {"COINS", "BRIDGES", "AREAS", "INITIAL", "UNIFORMS", "DRIVERS", "TANGENTS"}
     registry = {name for name in vars(rng) if name.isupper() and not name.startswith("_")}
     assert registry == others | of_increments | added | {"SITES"}  # a new one has its place below, too
+    from spi.plugins.answers.kinds.answer.sets import SETS, all_sets
+
     of_answers = {path_set.stream for path_set in all_sets(len(PATH_SETS))}
     of_levels, of_differences = ({first + 2 * j for j in range(64)} for first in (LEVELS, DIFFERENCES))
     increments = [BROWNIAN, *of_levels, *of_differences, *of_answers, POINTS]

@@ -7,13 +7,13 @@ import numpy as np
 
 from spi.drawing.panels import CurvePanel, Figures
 from spi.ensemble.protocol import NonNegative
-from spi.kinds.blocks import BlocksPlan, lanes_of
+from spi.kinds.blocks import SampledPlan, lanes_of
 from spi.kinds.plans import each_scheme
 from spi.plugins import Plugin
 from spi.printing.tables import Column, Table
 from spi.specs.cases import StepCase
 from spi.specs.keys import Samples, key_of
-from spi.statistics.accumulators import Array, Sums, moments
+from spi.statistics.accumulators import Array, Batch, Sums, moments
 from spi.statistics.claims import claimable
 from spi.storage.stored import Stored, array, axis, fact
 
@@ -90,7 +90,7 @@ class EnergySums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnergyPlan(BlocksPlan):
+class EnergyPlan(SampledPlan):
     """One scheme of a case."""
 
     record, sums = Energy, EnergySums
@@ -98,8 +98,8 @@ class EnergyPlan(BlocksPlan):
     def lengths(self, number: int) -> dict[str, int]:
         return {"time": 1 + self.grid.reference_steps}
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        q, p = np.moveaxis(lanes_of(self.recorded(first, blocks, end)[0], 2), 2, 0)
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        q, p = np.moveaxis(lanes_of(self.recorded(batch)[0], 2), 2, 0)
         return {"energy": (q * q + p * p) / 2}  # (blocks, times, LANES)
 
     def estimates(self, sums: EnergySums) -> dict[str, Any]:

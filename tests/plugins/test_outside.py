@@ -27,9 +27,9 @@ expect: {splitting_symmetric: {energy: 0.625 +- 0.06}}
 """
 
 
-def install(folder, text=None):
-    """Put a package with a plug-in into a folder, as pip does; `text` stands in the place of the example's."""
-    name = "spi_oscillator" if text is None else "spi_made_up"
+def install(folder, text=None, name="spi_made_up"):
+    """Put a package with a plug-in into a folder, as pip does; the example, or one with a text and a name."""
+    name = "spi_oscillator" if text is None else name
     folder.joinpath(f"{name}.py").write_text(text or SOURCE.read_text(encoding="utf-8"), encoding="utf-8")
     about = folder / f"{name}-1.0.dist-info"
     about.mkdir()
@@ -93,7 +93,6 @@ PLUGIN = Plugin("made_up", offered={"count": "math:sqrt"})
         ("PLUGIN = 3", "cannot be read (spi_made_up.py has no line PLUGIN = Plugin(...)), must be"),
         (MADE_UP.replace('"math:sqrt"', "1/0"), "cannot be read (malformed node"),
         (MADE_UP.replace("offered", "ofered"), "unexpected keyword argument 'ofered'"),
-        (MADE_UP.replace("made_up", "report"), "two plug-ins are called 'report'; rename or uninstall"),
     ],
 )
 def test_one_that_cannot_be_used_is_named(elsewhere, text, message):
@@ -103,9 +102,17 @@ def test_one_that_cannot_be_used_is_named(elsewhere, text, message):
 
 
 def test_names_that_two_plugins_have_are_refused(elsewhere):
-    install(elsewhere, MADE_UP.replace("count", "answer"))
-    with pytest.raises(plugins.PluginError, match="two plug-ins have offered called 'answer'; uninstall one of them"):
+    install(elsewhere, MADE_UP)
+    install(elsewhere, MADE_UP.replace("made_up", "other"), "spi_other")
+    with pytest.raises(plugins.PluginError, match="two plug-ins have offered called 'count'; uninstall one of them"):
         plugins.offers("offered")
+
+
+def test_two_plugins_of_one_name_are_refused(elsewhere):
+    install(elsewhere, MADE_UP)
+    install(elsewhere, MADE_UP, "spi_other")
+    with pytest.raises(plugins.PluginError, match="two plug-ins are called 'made_up'; rename or uninstall"):
+        plugins.installed()
 
 
 def test_one_whose_needs_are_not_here_is_not_here(elsewhere):

@@ -13,17 +13,14 @@ import subprocess
 import sys
 from pathlib import Path
 
-import fluids
 import numpy as np
 import pytest
 from helpers import take_step
-from scipy.integrate import solve_ivp
 
 from spi.ensemble.protocol import large, noises
 from spi.ensemble.scheme_protocol import judges, needs_areas, substeps
 from spi.models import MODELS
 from spi.numerics.rng import LANES
-from spi.plugins.fluids.models import Zeitlin
 from spi.running import run as runner
 from spi.schemes import SCHEMES
 from spi.schemes.explicit import RenormalisedHeun
@@ -31,9 +28,7 @@ from spi.schemes.explicit import RenormalisedHeun
 ROOT = Path(__file__).parents[2]
 FOLDERS = FOLDER, _ = ROOT / "benchmarks", ROOT / "docs" / "generate"
 sys.path.insert(0, str(FOLDER))  # no package: programs, and what they share
-examples, generic, machine, naive, zeitlin = map(
-    importlib.import_module, ("examples", "generic", "machine", "naive", "zeitlin")
-)
+examples, generic, machine, naive = map(importlib.import_module, ("examples", "generic", "machine", "naive"))
 
 
 def states_and_steps(name):
@@ -102,25 +97,6 @@ def test_operations_counted_by_hand():
     assert sum(counted["normal"].values()) == 78 / 2
     # one composition of order 2 has two half steps of the drift less one flow, and all noises but one twice
     assert sum(counted["rigid_body splitting_order2"].values()) == pytest.approx(10 * 26 + 5 * 29, abs=5)
-
-
-def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
-    n, model = 7, Zeitlin(7, normalisation="zeitlin")
-    y, W0 = fluids.state(n, zeitlin.typical(n)), zeitlin.matrix(zeitlin.typical(n))
-    times = (0, zeitlin.ERROR_TIME)
-    exact = solve_ivp(lambda t, y: fluids.drift_field(model, y), times, y, rtol=1e-12, atol=1e-12).y[:, -1]
-    assert np.allclose(fluids.state(n, fluids.table_of(n, zeitlin.reference(n))), exact, rtol=0, atol=1e-11)
-    assert np.linalg.norm(y - exact) > 0.01
-    errors = []
-    for h in zeitlin.STEPS:
-        path, iterations = zeitlin.midpoint_path(n, h, 10)
-        errors.append(zeitlin.error(path, h))
-        assert np.all(zeitlin.casimir_errors(path) < 1e-13) and iterations > 1
-        assert np.array_equal(path[0], W0) and np.array_equal(path[-1], path[-1].conj().T)
-    assert np.log(errors[1] / errors[0]) / np.log(np.divide(*zeitlin.STEPS[::-1])) == pytest.approx(2, abs=0.1)
-    monkeypatch.setattr(zeitlin, "MOST_ITERATIONS", 2)
-    with pytest.raises(RuntimeError, match="N = 7, h = 1: no solution after 2 iterations"):
-        zeitlin.Midpoint(n, 1).step(W0)
 
 
 #: The scripts of both folders; a new one is among them without a line.

@@ -1,5 +1,6 @@
 """The words, the sentences and the examples of the pages; formulas of the reference in signs."""
 
+import re
 import sys
 import unicodedata
 
@@ -30,6 +31,37 @@ WRITTEN = [page for page in PAGES if page.parent != ROOT / "docs" / "reference" 
 WRITTEN.remove(ROOT / "CONTRIBUTING.md")  # for those who work on the code, in its words
 #: Pages that are looked up, which need no example.
 LOOKED_UP = {"glossary", "platforms", "public", "security"}
+
+#: Of a page to be read in one go, code and tables included.
+MOST_WORDS = 2000
+#: Longer pages, and why, where no comment on their first lines does: `<!-- long because: ... -->`.
+LONG = {
+    "gallery": "pictures of all experiments, written by a program",
+    "spins": "magnets from the keys to speed, for readers who use nothing else",
+    "fluids": "fluids from the keys to speed, for readers who use nothing else",
+}
+
+
+def why_long(text):
+    """The reason that the first lines of a page give for its length; None where they give none."""
+    found = re.search(r"^<!-- long because: (\w.*?) -->$", "\n".join(text.splitlines()[:4]), re.MULTILINE)
+    return found and found[1]
+
+
+@pytest.mark.parametrize("page", sorted(ROOT.glob("docs/*.md")), ids=page_name)
+def test_a_long_page_says_why(page):
+    text = page.read_text(encoding="utf-8")
+    words = len(text.split())
+    short = f"{words} words: move measurements and derivations to docs/appendix/{page.name}, or say why it is long"
+    assert words <= MOST_WORDS or page.stem in LONG or why_long(text), short
+
+
+def test_a_long_page_without_a_reason_is_noticed():
+    page = "# A page\n<!-- long because: it lists all -->\n\nWords."
+    assert why_long(page) == "it lists all"
+    assert why_long(page.replace("long because: it lists all", "long because: ")) is None
+    assert why_long(page.replace("long because", "within")) is None
+    assert why_long("# A page\n\nWords.\n\nMore.\n\n" + page) is None
 
 
 @pytest.mark.parametrize("page", WRITTEN, ids=page_name)

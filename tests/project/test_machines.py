@@ -8,12 +8,13 @@ from documents import ROOT, page_name
 from spi.running import shipped
 
 #: Pages that people write; those of the reference and the gallery are written by programs.
-PAGES = [ROOT / "README.md", *(page for page in sorted(ROOT.glob("docs/*.md")) if page.stem != "gallery")]
+PAGES = sorted([ROOT / "README.md", *ROOT.glob("docs/*.md"), *ROOT.glob("docs/appendix/*.md")])
+PAGES.remove(ROOT / "docs" / "gallery.md")
 NEAR = 14  # lines before a table, and if these do not name all, as many behind it; a heading or a table ends them
 MEASURED = re.compile(r"(?:^|[ (|>])\d[\d.,]*[\u00a0 ](?:ns|µs|ms|s|seconds|minutes|hours|[kMG]i?B|bytes)(?![\w^])")
 UNITS = re.compile(r"(?<!\w)(?:ns|µs|ms|(?:micro|nano|milli)?seconds|bytes|MB|GB)(?!\w)|\btime of a path\b")
 NAMED = {
-    "machine": re.compile(r"\[machine ([A-Z])\]\((?:docs/)?machines\.md\)"),
+    "machine": re.compile(r"\[machine ([A-Z])\]\((?:docs/|\.\./)?machines\.md\)"),
     "date": re.compile(r"\b(2026-\d\d-\d\d)\b"),
     "command": re.compile(r"benchmarks/\w+\.py|spi\s+(?:run|check|answer)\s+[\w/]+"),
 }
@@ -109,7 +110,7 @@ def inner(text):
 def supported(text):
     """The pages that the docstring of a program names, or None where it says neither pages nor that there is none."""
     supports = re.search(r"^Supports: .*?(?=\n\n)", text, re.MULTILINE | re.DOTALL)
-    pages = {*re.findall(r"(?:docs/\w+|README)\.md", supports[0])} if supports else ()
+    pages = {*re.findall(r"(?:docs/[\w/]+|README)\.md", supports[0])} if supports else ()
     return pages if pages or (supports and "no page" in supports[0]) else None
 
 

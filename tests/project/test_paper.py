@@ -27,6 +27,7 @@ def test_the_article_has_its_parts_and_a_thousand_words():
     assert sum(lengths) <= 25 * len(lengths)
 
 
+@pytest.mark.needs
 def test_commands_and_files_of_the_article_are_there(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     commands = [*commands_of(PAPER, TEXT)]

@@ -7,6 +7,7 @@ import sys
 import tomllib
 
 import bounds
+import pytest
 import yaml
 from documents import ROOT
 from packaging.specifiers import SpecifierSet
@@ -86,6 +87,7 @@ def test_the_readme_shows_pictures_and_links_elsewhere():
     assert kept == [link for link in links if not link[1].startswith(source)] and "![" not in bare
 
 
+@pytest.mark.needs
 def test_the_readme_is_short_and_counts_the_experiments():
     text = text_of("README.md")
     assert len(text.splitlines()) <= 120
@@ -119,6 +121,7 @@ def imported():
             yield from (name.partition(".")[0] for name in names)
 
 
+@pytest.mark.needs
 def test_what_is_imported_is_declared_and_nothing_else():
     packages = {BROUGHT.get(name, name) for name in imported()} - {*sys.stdlib_module_names, "spi"}
     optional = {bounds.named(one)[0] for one in PROJECT["project"]["optional-dependencies"]["dask"]}
@@ -144,6 +147,7 @@ def test_oldest_and_newest_environments():
 # --- what is promised ------------------------------------------------------------------------------------------------
 
 
+@pytest.mark.needs
 def test_the_page_of_stable_names_lists_all_of_them():
     page = ROOT.joinpath("docs", "public.md").read_text(encoding="utf-8")
     commands = {command.name or command.callback.__name__ for command in app.registered_commands}

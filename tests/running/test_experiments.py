@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from exported import missing
 from helpers import COMPILED
 from view_helpers import rendered
 
@@ -72,6 +73,7 @@ def test_experiment_runs(path, tmp_path, capsys):
         assert [(g.case, g.variant, g.estimator) for g in results.groups] == parts
     for group in results.groups:
         check(experiment.kind, group, group.arrays)
+    assert missing(results, views.data_tables(results)) == []
     figure = views.figure(results)
     if path == SAVED[experiment.kind]:
         for written in views.save(figure, tmp_path, experiment.name):

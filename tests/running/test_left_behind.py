@@ -17,11 +17,9 @@ import spi
 from spi import storage
 from spi.cli import main
 from spi.numerics.rng import LANES
-from spi.plugins.clusters.running import shards
-from spi.plugins.clusters.running.verify import verify
 from spi.running import run as runner
 from spi.running import workers
-from spi.running.checkpoint import Shard, note_path, read_note
+from spi.running.checkpoint import note_path, read_note
 from spi.running.run import Limits, Watch, load
 from spi.statistics import tallies
 
@@ -228,17 +226,3 @@ def test_folders_of_processes_that_were_killed_are_removed(tmp_path, monkeypatch
         assert {lives, foreign, Path(mine)} == set(tmp_path.iterdir())
     processes[1].communicate("\n")
     assert set(tmp_path.iterdir()) == {foreign}
-
-
-@pytest.mark.skipif(not COMPILED, reason="too many steps without the compiler")
-def test_all_machines_are_named_on_which_merged_sums_were_computed(tmp_path, monkeypatch):
-    for number in (1, 2):
-        monkeypatch.setattr(storage, "machine", lambda number=number: f"machine {number}")
-        shards.run_shard(strong(), Shard(number, 2), tmp_path)
-    monkeypatch.setattr(storage, "machine", lambda: "this one")
-    path = shards.merge(strong(), tmp_path)
-    assert storage.read(path).attributes["machines"] == ("machine 1", "machine 2", "this one")
-    assert [cause for cause in verify(path, 1).causes if "machine" in cause] == [
-        "one of 3 machines: machine 1",
-        "one of 3 machines: machine 2",
-    ]

@@ -10,12 +10,10 @@ from helpers import COMPILED, loop_in_python
 from spi.compiler.inlining import types_of
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import arguments_of, grid, integrate, integrated, paths_of
-from spi.ensemble.protocol import in_kernels
+from spi.ensemble.protocol import dimension, in_kernels
 from spi.ensemble.scheme_protocol import DRIFT, FRICTION, NOISE
 from spi.models import RigidBody
 from spi.models.delegation import thermal
-from spi.plugins.fluids.models import ModeNoise, Zeitlin
-from spi.plugins.spins.models import Spins, Terms, Transport
 from spi.schemes import SCHEMES, of_model
 from spi.schemes.program import program_of
 from spi.schemes.stages import ShareOfWhole, flows, has_shared, needs_coins, sweeps, with_friction
@@ -72,8 +70,20 @@ class _Thermal(RigidBody):
 
 _Thermal = _Thermal(*MODEL)
 
-SPINS = Spins("ring", (4,), (Terms(exchange=1.0),), noise=Transport(0.3))
-FLUID = Zeitlin(3, (ModeNoise(0.5, modes=((0, 1),)),))
+
+def fluid(temperature):
+    """Four complex modes and a noise."""
+    from spi.plugins.fluids.models import ModeNoise, Zeitlin
+
+    return thermal(Zeitlin(3, (ModeNoise(0.5, modes=((0, 1),)),)), temperature)
+
+
+def spins(temperature):
+    """Four spins, with noise or in a bath."""
+    from spi.plugins.spins.models import Spins, Terms, Transport
+
+    model = Spins("ring", (4,), (Terms(exchange=1.0),), noise=Transport(0.3))
+    return model if temperature == math.inf else thermal(model._replace(alpha=0.5, noise=None), temperature)
 
 
 NAMES = "splitting", "splitting_drift_first", "splitting_order2", "splitting_symmetric"
@@ -81,27 +91,28 @@ NAMES = "splitting", "splitting_drift_first", "splitting_order2", "splitting_sym
 
 def run_of(name, model, samples=1):
     """The arguments of two steps of a scheme."""
-    initial = (0.6, 0.0, 0.8) * 4 if getattr(model, "model", model) == SPINS else (0.4, 0.3, -0.2, 0.1) * 2
-    return of_model(SCHEMES[name], model).record, in_kernels(model), initial, grid(0.25, 2), brownian(1), 0, 1, samples
+    record = in_kernels(model)
+    initial = {12: (0.6, 0.0, 0.8) * 4, 8: (0.4, 0.3, -0.2, 0.1) * 2}[dimension(record)]
+    return of_model(SCHEMES[name], model).record, record, initial, grid(0.25, 2), brownian(1), 0, 1, samples
 
 
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 @pytest.mark.parametrize("temperature", [math.inf, 0.7])
-@pytest.mark.parametrize("model", [SPINS, FLUID], ids=["spins", "zeitlin"])
-def test_all_compositions_have_one_type(model, temperature):
+@pytest.mark.parametrize(
+    ("of", "other"), [(spins, "heun_renormalised"), (fluid, "euler_maruyama")], ids=["spins", "zeitlin"]
+)
+def test_all_compositions_have_one_type(of, other, temperature):
     """Four schemes, without and with sub-steps, coins and friction: one signature of the loop over time."""
-    if temperature < math.inf:
-        model = thermal(model._replace(alpha=0.5, noise=None) if model is SPINS else model, temperature)
+    model = of(temperature)
     signatures = {types_of(integrate, arguments_of(*run_of(name, model))) for name in NAMES}
     assert len(signatures) == 1
-    other = "heun_renormalised" if "Spins" in repr(model) else "euler_maruyama"
     assert types_of(integrate, arguments_of(*run_of(other, model))) not in signatures
 
 
 @pytest.mark.skipif(not COMPILED, reason="nothing is compiled")
 def test_four_schemes_are_one_kernel():
     """Of the fluid at a temperature; compiled they lead to the states of the same loop in Python."""
-    model, before, ends = thermal(FLUID, 0.7), len(integrate.signatures), []
+    model, before, ends = fluid(0.7), len(integrate.signatures), []
     for name in NAMES:
         states, report = integrated(*run_of(name, model, 3))
         with loop_in_python():

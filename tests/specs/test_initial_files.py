@@ -1,89 +1,41 @@
-"""Initial values that stand in files: arrays of NumPy, and long arrays from Python."""
-
-from pathlib import Path
+"""Initial values that stand in files: arrays of NumPy; fields of fluids: plugins/fluids/test_initial_fields.py."""
 
 import numpy as np
 import pytest
 
-from spi.api.specs import experiment_of
 from spi.cli import starting
-from spi.plugins.fluids.models import fields
-from spi.running.load import SpecSource, plans_of
 from spi.running.run import identity
 
-N = 101
-SPEC = f"""\
+SPEC = """\
 kind: trajectory
-model: {{name: zeitlin, n: {N}}}
-initial: {{file: y.npy}}
+model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}
+initial: {file: y.npy}
 final_time: 1
 step: 2^-4
 schemes: [splitting]
-panels: [vorticity]
+panels: [components]
 """
+STATE = np.array([1.0, 0.0, 0.1 + 0.2])
 
 
-def state(n=N):
-    return np.random.default_rng(n).standard_normal(n * n - 1)
-
-
-def test_states_fields_and_complex_modes(spec, tmp_path):
-    """A state with more numbers than a YAML file may have is the same in all ways, to the last bit."""
-    y = state()
-    np.save(tmp_path / "y.npy", y)
+def test_a_state_is_that_of_the_file(spec, error, tmp_path):
+    """A number per component, to the last bit."""
+    np.save(tmp_path / "y.npy", STATE)
     found = spec(SPEC)
-    assert found.cases[0].initial == tuple(y)
-    np.save(tmp_path / "y.npy", y.view(complex))
-    assert spec(SPEC).hash == found.hash
-    np.save(tmp_path / "y.npy", np.asfortranarray(fields.vorticity(y, 128)))
-    np.testing.assert_allclose(spec(SPEC).cases[0].initial, y, atol=1e-12)
-    (small,) = spec(SPEC, overrides=["model={n: 5}"]).cases
-    np.testing.assert_allclose(small.initial, fields.projected(fields.vorticity(y, 128), 5), atol=1e-15)
-    np.save(tmp_path / "y.npy", y[:8].astype(np.float32))
-    listed, three = y[:8].astype(np.float32).tolist(), (f"n: {N}", "n: 3")
-    assert spec(SPEC, *three).hash == spec(SPEC, *three, overrides=[f"initial={listed}"]).hash
-
-
-def test_a_mean_is_subtracted_on_demand(spec, error, tmp_path):
-    np.save(tmp_path / "y.npy", fields.vorticity(state(5), 16) + 1)
-    five = (f"n: {N}", "n: 5")
-    assert "initial.file: has the mean 1" in error(SPEC, *five)
-    (case,) = spec(SPEC, "y.npy", "y.npy, subtract_mean: true", *five).cases
-    np.testing.assert_allclose(case.initial, state(5), atol=1e-14)
+    assert found.cases[0].initial == tuple(STATE)
+    np.save(tmp_path / "y.npy", STATE.astype(np.float32))
+    listed = STATE.astype(np.float32).tolist()
+    assert spec(SPEC).hash == spec(SPEC, overrides=[f"initial={listed}"]).hash != found.hash
+    np.save(tmp_path / "y.npy", np.eye(2))
+    assert "initial.file: has 2 x 2 numbers; must have one dimension" in error(SPEC)
 
 
 def test_copies_hold_the_arrays(spec, tmp_path):
-    np.save(tmp_path / "y.npy", state())
+    np.save(tmp_path / "y.npy", STATE)
     first = spec(SPEC)
     copies = starting._copies("s.yaml", None, tmp_path / "there/t.yaml")
     assert copies[tmp_path / "there/y.npy"] == (tmp_path / "y.npy").read_bytes()
     assert identity(first)["model_sources"].count("base64") == 1
-
-
-def test_arrays_from_python(tmp_path, monkeypatch):
-    """They go past the reader of YAML, in a mapping, a case and an override; a short list stays in the text."""
-    monkeypatch.chdir(tmp_path)
-    y = state()
-    data = _keys()
-    first = experiment_of(data | {"initial": y}, "a", "laptop", {})
-    again = experiment_of(data | {"initial": [0.0] * len(y)}, "a", "laptop", {"initial": fields.vorticity(y, 128)})
-    assert first.cases[0].initial == tuple(y) and "initial_" in first.text
-    np.testing.assert_allclose(again.cases[0].initial, y, atol=1e-12)
-    assert tuple(plans_of(SpecSource.of(again))[0].initial) == again.cases[0].initial
-    cases = {"cases": [{"name": "one", "initial": y}, {"name": "two", "initial": 2 * y}]}
-    assert experiment_of(data | cases, "a", "laptop", {}).cases[1].initial == tuple(2 * y)
-    short = experiment_of(data | {"model": {"name": "sine_euler"}, "initial": y[:8]}, "a", "laptop", {})
-    assert not short.files and str(y[0]) in short.text
-    Path("s.yaml").write_text(SPEC)
-    np.save("y.npy", y)
-    assert experiment_of("s.yaml", None, "laptop", {"initial": 3 * y}).cases[0].initial == tuple(3 * y)
-
-
-def _keys():
-    model = {"name": "zeitlin", "n": N}
-    return {"kind": "trajectory", "model": model, "final_time": 1, "step": 0.5, "schemes": ["splitting"]} | {
-        "panels": ["vorticity"]
-    }
 
 
 def saved(values):
@@ -94,7 +46,6 @@ def written(data):
     return lambda path: path.write_bytes(data)
 
 
-GRID, LATTICE = "must have as many columns as rows, at least 101; or one dimension", "is a vorticity on"
 NONE = "is 'y.npy', which is no array; give a file that numpy.save wrote, of real or complex numbers"
 CLAIMS = np.lib.format.magic(1, 0) + b"\x76\x00{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000,)}"
 
@@ -102,12 +53,10 @@ CLAIMS = np.lib.format.magic(1, 0) + b"\x76\x00{'descr': '<f8', 'fortran_order':
 @pytest.mark.parametrize(
     ("make", "message"),
     [
-        (saved(state(3)), "has 8 entries; must have 10200, the dimension of zeitlin"),
-        (saved(np.zeros((101, 102))), f"{LATTICE} 101 x 102 points; {GRID}"),
-        (saved(np.zeros((99, 99))), f"{LATTICE} 99 x 99 points; {GRID}"),
+        (saved(np.ones(8)), "has 8 entries; must have 3, the dimension of rigid_body"),
         (saved(np.array([1.0, np.nan])), "is 'y.npy', which is not finite at [1]; all numbers must be finite"),
         (saved(np.array(["a"])), NONE),
-        (saved(np.zeros((2, 2, 2))), f"{LATTICE} 2 x 2 x 2 points; {GRID}"),
+        (saved(np.zeros((2, 2, 2))), "initial.file: has 2 x 2 x 2 numbers; must have one dimension"),
         (saved(np.zeros((1,) * 6)), NONE),
         (saved(np.zeros((0,))), NONE),
         (written(b"[1, 2]"), NONE),
@@ -120,15 +69,6 @@ def test_bad_arrays(error, tmp_path, make, message):
     make(tmp_path / "y.npy")
     found = error(SPEC)
     assert found.startswith("3: initial") and message in found
-
-
-def test_other_models_take_a_number_per_component(spec, error, tmp_path):
-    body = "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}"
-    replaced = (f"{{name: zeitlin, n: {N}}}", body, "[vorticity]", "[components]")
-    np.save(tmp_path / "y.npy", [1.0, 0.0, 0.5])
-    assert spec(SPEC, *replaced).cases[0].initial == (1.0, 0.0, 0.5)
-    np.save(tmp_path / "y.npy", np.eye(2))
-    assert "initial.file: has 2 x 2 numbers; must have one dimension" in error(SPEC, *replaced)
 
 
 def test_a_long_list_is_told_where_it_may_stand(error):

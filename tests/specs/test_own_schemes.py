@@ -12,7 +12,6 @@ import spi
 from spi import storage
 from spi.checks.scheme_checks import check_scheme
 from spi.models import MaxwellBloch
-from spi.plugins.report.views import sections
 from spi.running.run import load, run
 from spi.schemes import SCHEMES
 from spi.specs import SpecError
@@ -137,6 +136,8 @@ def test_what_may_be_left_out_is_not_needed_for_any_page(spec, tmp_path, left_ou
         results = storage.read(path)
         told = "expected 1" if used in orders else "measured; theory states none"
         assert told in printed(results) and results.groups[0].attributes.get("expected_order") == orders.get(used)
+        from spi.plugins.report.views import sections
+
         assert sections.section(path, results, "e1").orders
 
 
@@ -146,6 +147,8 @@ def test_files_with_an_order_that_is_no_number_are_shown(order, tmp_path):
     results = strong(strong_group("splitting", expected_order=order))
     assert "measured; theory states none" in printed(results)
     storage.write(path := tmp_path / "s.h5", results)
+    from spi.plugins.report.views import sections
+
     one = sections.section(path, storage.read(path), "e1")
     assert one.answers and one.orders
 

@@ -1,6 +1,6 @@
 """A swept parameter: which cases a spec makes of its values, and what is wrong with one."""
 
-from helpers import RIGID_BODY
+from helpers import RIGID_BODY, compiled_only
 
 from spi.compiler.inlining import types_of
 from spi.running.load import plans
@@ -55,6 +55,7 @@ def test_keys_with_a_number(spec):
     assert [(case.final_time, case.reference_step) for case in found.cases] == [(1.0, 2**-5), (2.0, 2**-4)]
 
 
+@compiled_only
 def test_all_values_need_the_kernels_of_one(spec):
     """What is compiled follows from the types of the arguments."""
 

@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from filled_results import filled
 from helpers import printed
 from scipy.special import stdtrit
 from strong_results import strong, strong_group
@@ -35,7 +34,7 @@ from spi.statistics.claims import (
     Verdict,
     judge,
 )
-from spi.storage import Order, StoredResults
+from spi.storage import Order
 from spi.storage.stored import Description, by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
@@ -242,11 +241,6 @@ WHOLE = {
         *(weak_group("splitting", estimator) for estimator in ("plain", "kolmogorov")),
         *(at_eps("ap_splitting", eps) for eps in (0.1, 0.01)),
     ),
-    **{
-        kind: StoredResults({"kind": kind, "title": kind}, (filled(kind), filled(kind, "midpoint")))
-        for kind in ("work_precision", "stability")
-    },
-    "answer": StoredResults({"kind": "answer", "title": "Answer"}, (filled("answer"),)),
 }
 for file in Path(__file__).parents[1].glob("plugins/*/whole_*.py"):  # of kinds of plug-ins
     WHOLE |= importlib.import_module(file.stem).WHOLE
@@ -277,8 +271,6 @@ def test_what_comes_out_is_what_the_results_hold():
     assert second.high - second.value == pytest.approx(student * group.arrays["error_stderr"][1, 1])
     uniform = [one for one in quantities_of("weak") if one.name == "uniform_order"]
     assert [(one.about.scheme, one.about.eps) for one in uniform] == [("ap_splitting", None)]
-    swept = {one.swept for one in quantities_of("stability")}
-    assert {word for word, _ in swept} == {WHOLE["stability"].groups[0].attributes["sweep"]} and len(swept) > 1
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -18,6 +18,12 @@ def slopes(readings: Sequence[StrongErrors]) -> Sequence[float]:
     return tuple(dict.fromkeys((*expected[:1], *expected[-1:])))
 
 
-PANELS = {"error": [panels.ErrorPanel("error", slopes=slopes, label=LABEL, note=panels.order_of())]}
+_FINAL = r"error at $T$  $(\mathrm{{E}}|y_h(T)-y_{{\mathrm{{ref}}}}(T)|^2)^{{1/2}}$"
+_CASIMIR = r"Casimir error  $\max\,|C(y_h(t_n))-C(y_0)|$"
+PANELS = {
+    "error": [panels.ErrorPanel("error", slopes=slopes, label=LABEL, note=panels.order_of())],
+    "final": [panels.ErrorPanel("error_final", slopes=slopes, label=_FINAL, resolved="")],
+    "casimirs": [panels.ErrorPanel("casimir_drift", label=_CASIMIR, resolved="")],
+}
 
 draw = panels.Figures(PANELS, ("reference_step", "reference_scheme", "samples"))

@@ -5,6 +5,9 @@ from spi.printing.tables import Column, Table
 from spi.storage.records import Order
 from spi.storage.stored import Array, Claimed, Stored, array, axis, fact
 
+#: The panels of the figure.
+PANELS = ("error", "final", "casimirs")
+
 
 class StrongErrors(Stored):
     """Strong errors of one scheme at several step sizes, from large to small."""
@@ -55,6 +58,7 @@ class StrongErrors(Stored):
     reference_nonfinite: int = fact("diverged paths of the reference (NaN or infinity)")
     reference_casimir_drift: tuple[float, ...] = fact("largest changes of the Casimirs on the reference")
     note: str = fact("what is to be said of points that are not resolved", default="")
+    panels: tuple[str, ...] = fact("what the figure of the case shows", default=PANELS[:1])
 
 
 Record = StrongErrors

@@ -15,11 +15,10 @@ import numpy as np
 from spi.ensemble.loop import TimeGrid
 from spi.ensemble.observer import path_observer
 from spi.ensemble.protocol import casimirs
-from spi.kinds.blocks import BlocksPlan, lanes_of, reported
+from spi.kinds.blocks import SampledPlan, lanes_of, reported
 from spi.kinds.plans import Done, State, each_scheme, reference_grid
-from spi.numerics.rng import LANES
 from spi.schemes import strong_order
-from spi.statistics.accumulators import Array, Sums, by_group, counted, largest, reports
+from spi.statistics.accumulators import Array, Batch, Sums, by_group, counted, largest, reports
 from spi.statistics.estimators import (
     fit_order,
     group_counts,
@@ -47,7 +46,7 @@ class StrongSums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class StrongPlan(BlocksPlan):
+class StrongPlan(SampledPlan):
     """Strong errors of one scheme."""
 
     record = StrongErrors
@@ -62,13 +61,13 @@ class StrongPlan(BlocksPlan):
         levels, conserved = len(self.steps), len(casimirs(self.model, self.initial))
         return {"point": int(self.steps[:-1].sum()), "level": levels, "casimir": conserved}
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """Contributions of some blocks."""
-        observer = path_observer(self.model, self.initial, self.grid, blocks, squares=True)
-        states, report = self.integrated(first, blocks, end, observer)
-        idle = np.arange(first * LANES, (first + blocks) * LANES).reshape(-1, 1, 1, LANES) >= end
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        """Contributions of a batch."""
+        observer = path_observer(self.model, self.initial, self.grid, batch.blocks, squares=True)
+        states, report = self.integrated(batch, observer)
+        counted = batch.counted[:, np.newaxis, np.newaxis]
         # a diverged path has no last drift but NaN: it is infinitely far
-        drift = np.where(idle, 0.0, np.nan_to_num(observer.extremes, nan=np.inf, posinf=np.inf)).max(axis=-1)
+        drift = np.where(counted, np.nan_to_num(observer.extremes, nan=np.inf, posinf=np.inf), 0.0).max(axis=-1)
         lost = np.logical_not(np.isfinite(lanes_of(states, len(self.initial))).all(axis=2))
         return {"squares": observer.rows, "drift": drift, "nonfinite": lost, "report": report}
 

@@ -68,8 +68,15 @@ class Case(CodeKeys, StepCase):
         default=None, exclude=True
     )
 
+    example: ClassVar[str] = """\
+final_time: 20
+step: 2^-4
+schemes: [euler_maruyama, splitting]
+panels: [casimirs, hamiltonian, components]
+"""
     scoping: ClassVar = ("functions",)
     neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"times", "functions", "section", "python"}
+    looks: ClassVar[frozenset[str]] = StepCase.looks | {"times"}
     unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "save": (), "times": (), "functions": {}, "section": None}
     quantities: ClassVar = claimable(Trajectory)
 

@@ -9,7 +9,9 @@ import numpy as np
 from spi.kinds.blocks import Acceptance
 from spi.printing.tables import Column, Table
 from spi.printing.text import power_of_two
+from spi.specs.panels import numbers_of
 from spi.statistics.claims import lost_among
+from spi.storage.records import Variables
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 _AT_A_TIME = 2**20  # numbers of states that are looked at together, so that large lattices need no further copy
@@ -63,6 +65,7 @@ class Trajectory(Stored):
             [
                 Column(lambda one, _: power_of_two(one.step), "step"),
                 Column(lambda one, _: round(one.t[-1] / one.step), "steps"),
+                Column("value", "{} at\nthe end", over="function", form=".6g", missing="nan"),
                 Column("hamiltonian", "H at the\nend", form=".6g", missing="nan"),
                 Column("casimir_drift", "drift\n{}", over="casimir"),
                 Column(lambda one, _: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
@@ -118,6 +121,10 @@ class Trajectory(Stored):
             return self.damped_changes
         with np.errstate(invalid="ignore", over="ignore"):
             return self.casimirs - self.casimirs[0]
+
+    def exported(self) -> Variables:
+        """Also what panels of plug-ins show."""
+        return super().exported() | numbers_of("trajectory", self)
 
     @property
     def place(self) -> dict[str, Any]:

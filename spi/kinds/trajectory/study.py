@@ -10,15 +10,15 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.loop import BATCH_SECONDS, add_reports, integrated, one_step
+from spi.ensemble.loop import BATCH_SECONDS, TimeGrid, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
-from spi.ensemble.protocol import decay_rates, geometry, large, one_path, strengths
+from spi.ensemble.protocol import decay_rates, geometry, large, one_path
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import paths_moved, reported
 from spi.kinds.functions import evaluated, function_of
-from spi.kinds.plans import Done, KernelCall, PartCost, PathsPlan, State, each_scheme
+from spi.kinds.plans import Done, KernelCall, PartCost, Plan, State, each_scheme, path_grid
 from spi.models.delegation import depends_on_time
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
@@ -45,7 +45,7 @@ parts = each_scheme
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrajectoryPlan(PathsPlan):
+class TrajectoryPlan(Plan):
     """One path of one scheme: number ``case.path`` of the seed."""
 
     record = Trajectory
@@ -65,10 +65,14 @@ class TrajectoryPlan(PathsPlan):
         """Record of the model for kernels, of one large lattice that of a part."""
         return self.one_path.model if self.is_long else super().model
 
-    @property
-    def samples(self) -> int:
-        """One path."""
-        return 1
+    @cached_property
+    def grid(self) -> TimeGrid:
+        """Times of the path."""
+        return path_grid(self.case, self.part, self.case.step)
+
+    def paths_on(self) -> list[tuple[TimeGrid, Any]]:
+        """The path."""
+        return [(self.grid, self.stream)]
 
     def cost(self) -> PartCost:
         """Steps of all paths that are computed, seconds of one thread at typical speed, and bytes of memory."""
@@ -170,7 +174,9 @@ class TrajectoryPlan(PathsPlan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the block of the path, or of the large lattice."""
-        return super().kernel_calls() if self.one_path is None else alone.kernel_calls(self.case, self.one_path)
+        if self.one_path is not None:
+            return alone.kernel_calls(self.case, self.one_path)
+        return self.calls_of_a_step(self.grid, self.stream)
 
     def _moved(self, y: np.ndarray, steps: int, stop: int) -> np.ndarray:
         """States of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
@@ -184,7 +190,7 @@ class TrajectoryPlan(PathsPlan):
 
     def progress(self, state: State) -> Done:
         """Part of the path that is done, of 1, and no standard error."""
-        return Done(state.so_far().steps / self.grid.reference_steps, self.samples, float("nan"))
+        return Done(state.so_far().steps / self.grid.reference_steps, 1, float("nan"))
 
     def _values(self, y: np.ndarray) -> Values | None:
         """Functions of the case along the path."""
@@ -211,10 +217,10 @@ class TrajectoryPlan(PathsPlan):
         up, down = (g[:-1] < 0) & (g[1:] >= 0), (g[:-1] >= 0) & (g[1:] < 0)
         found = {"up": up, "down": down, "both": up | down}[case.section.direction]
         found[:1] &= g[:1] != 0  # a path that begins on the section does not cross it there
-        at, record = np.flatnonzero(found), self.model
-        noisy = bool(np.any(np.asarray(strengths(record), float))) or depends_on_time(case.model)
+        at = np.flatnonzero(found)
         coins = judges(self.scheme) or any(stage.coin is not None for stage in getattr(self.scheme, "stages", ()))
-        by_steps = not noisy and not coins and not memory_size(self.scheme, record)
+        moves = self.is_noisy or depends_on_time(case.model) or memory_size(self.scheme, self.model)
+        by_steps = not coins and not moves
         theta, states = g[at] / (g[at] - g[at + 1]), y[at] + 0.0
         for k, n in enumerate(at.tolist()):
             if by_steps:

@@ -90,6 +90,15 @@ class Case(SampledCase):
     prefixes: key_of(PrefixCounts | None, "numbers of first paths for which plain gives results as well") = None
     panels: key_of(WeakPanels, f"what the figure shows, some of {', '.join(PANELS)}") = ("errors",)
 
+    example: ClassVar[str] = """\
+final_time: 1
+steps: 2^-3 .. 2^-7
+reference_step: 2^-10
+schemes: [splitting, splitting_order2]
+functions: {phi: sin(2*pi*y1) + y2^2}
+estimators: [multilevel]
+seconds: 20
+"""
     quantities: ClassVar = claimable(WeakErrors) | {"uniform_order": Sort("equal"), "agreement": Sort("at most", True)}
     scoping: ClassVar = ("estimators", "functions")
 

@@ -26,7 +26,7 @@ from spi.ensemble.protocol import exact_flows, flows_lacking
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import needs_areas, tosses
 from spi.exact.expectations import can_solve
-from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, Sample, SamplesPlan, ns_of, values_of_blocks
+from spi.kinds.blocks import BATCH_BYTES, DIFFERENCE, VALUE, LevelPlan, Sample, ns_of, values_at_end
 from spi.kinds.plans import Done, KernelCall, PartCost, State
 from spi.numerics.rng import DIFFERENCES, LANES
 from spi.schemes import has_theory, typical_ns
@@ -35,6 +35,7 @@ from spi.specs.checks import check_areas, need
 from spi.specs.keys import wrong
 from spi.statistics.estimators import GROUPS, ROUND, jackknife_stderr
 from spi.statistics.intervals import student_factor, zero_share_bound
+from spi.statistics.tallies import Batch
 from spi.storage.records import Part
 
 from .levels import (
@@ -81,7 +82,7 @@ _LONGEST = 1e9  # seconds of work for a target, at most
 
 
 @dataclass(frozen=True, kw_only=True)
-class MultilevelPlan(SamplesPlan, WeakPlan):
+class MultilevelPlan(LevelPlan, WeakPlan):
     """Weak errors of one scheme from differences between levels."""
 
     sums = LevelTotals
@@ -167,9 +168,9 @@ class MultilevelPlan(SamplesPlan, WeakPlan):
     def kernel_calls(self) -> list[KernelCall]:
         return self.calls_of_a_step(self.levels[0].grid, self.levels[0].stream)
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, np.ndarray]:
-        """Quantities of some blocks of samples, with a control the product as well."""
-        quantities = super().observe(number, first, blocks, end)["sums"]
+    def observe(self, batch: Batch) -> dict[str, np.ndarray]:
+        """Quantities of a batch of samples, with a control the product as well."""
+        quantities = super().observe(batch)["sums"]
         lost = np.logical_not(np.isfinite(quantities[:, :PRODUCT]).all(axis=(1, 2)))
         if self.control:
             with np.errstate(invalid="ignore", over="ignore"):
@@ -358,13 +359,13 @@ class DifferencesPlan(MultilevelPlan):
         own = self.calls_of_a_step(self._own_paths(self.base + 1), self.levels[-1].stream)
         return [*self.order2.kernel_calls(), *own]
 
-    def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
-        """Values of the test functions at the end of some blocks of one level."""
-        if number <= self.base:
-            return self.order2.values(number, first, blocks, end)
-        level = self.levels[number]
-        grids = (self.order2, level.grid), (self, self._own_paths(number))
-        values = [values_of_blocks(p, times, level.stream, first, blocks, end)[0] for p, times in grids]
+    def values(self, batch: Batch) -> np.ndarray:
+        """Values of the test functions at the end of a batch of one level."""
+        if batch.path_set <= self.base:
+            return self.order2.values(batch)
+        level = self.levels[batch.path_set]
+        grids = (self.order2, level.grid), (self, self._own_paths(batch.path_set))
+        values = [values_at_end(p, times, level.stream, batch)[0] for p, times in grids]
         return np.concatenate(values, axis=1)
 
     def least_work(self, variance: np.ndarray, cost: np.ndarray) -> tuple[float, np.ndarray]:

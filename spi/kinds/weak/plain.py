@@ -13,13 +13,13 @@ import numpy as np
 
 from spi.ensemble.increments import Points, dimensions_of, points_of
 from spi.ensemble.loop import TimeGrid
-from spi.kinds.blocks import BlocksPlan, ns_of, values_of_blocks
+from spi.kinds.blocks import SampledPlan, ns_of, values_at_end
 from spi.kinds.plans import reference_grid
 from spi.numerics.rng import LANES, POINTS
 from spi.numerics.sobol import LEAST_PATHS, MOST_DIMENSIONS, SCRAMBLES
 from spi.specs.checks import need
 from spi.specs.keys import wrong
-from spi.statistics.accumulators import Array, Sums, added, counted, moments, reports
+from spi.statistics.accumulators import Array, Batch, Sums, added, counted, moments, reports
 from spi.statistics.estimators import (
     GROUPS,
     group_counts,
@@ -48,7 +48,7 @@ class PlainSums(Sums):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PlainPlan(WeakPlan, BlocksPlan):
+class PlainPlan(WeakPlan, SampledPlan):
     """Weak errors of one scheme by plain Monte Carlo."""
 
     sums = PlainSums
@@ -76,28 +76,28 @@ class PlainPlan(WeakPlan, BlocksPlan):
         axes = {"level": 1 + len(self.h), "function": len(self.case.functions), "step": len(self.steps)}
         return axes | {"prefix": len(self.prefixes), "one": 1, "group": GROUPS}
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """Values of the test functions at the end of some blocks, extrapolated or not."""
-        values, report = values_of_blocks(self, self.grid, self.stream, first, blocks, end)
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        """Values of the test functions at the end of a batch, extrapolated or not."""
+        values, report = values_at_end(self, self.grid, self.stream, batch)
         values = self._extrapolated(values)
         with np.errstate(invalid="ignore", over="ignore"):
             differences = values - values[:, -1:]
         lost = np.logical_not(np.isfinite(values).all(axis=2))
         return {"values": values, "differences": differences, "nonfinite": lost, "report": report}
 
-    def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
-        """Sums with the contributions `at`, also those over the first paths alone."""
+    def added(self, sums: Any, contributions: dict[str, Array], batch: Batch) -> Any:
+        """Sums with the contributions of a batch, also those over the first paths alone."""
         of_prefixes = sums.prefix_differences.copy()
         for i, samples in enumerate(self.prefixes):
-            if first * LANES < samples:
-                rows = contributions["differences"][at]
-                of_prefixes[i] = with_powers(of_prefixes[i], rows, first, min(samples, end))
-        return super().added(sums._replace(prefix_differences=of_prefixes), contributions, at, first, end)
+            if batch.first_path < samples:
+                of_first = batch._replace(end=min(samples, batch.end))
+                of_prefixes[i] = with_powers(of_prefixes[i], contributions["differences"], of_first)
+        return super().added(sums._replace(prefix_differences=of_prefixes), contributions, batch)
 
-    def timed(self, sums: Any, first: int, blocks: int, seconds: float, cpu_seconds: float) -> Any:
-        """Sums with the time that some blocks took, shared out to the prefixes."""
-        shares = np.clip((np.array(self.prefixes) / LANES - first) / blocks, 0.0, 1.0)
-        timed = super().timed(sums, first, blocks, seconds, cpu_seconds)
+    def timed(self, sums: Any, batch: Batch, seconds: float, cpu_seconds: float) -> Any:
+        """Sums with the time that a batch took, shared out to the prefixes."""
+        shares = np.clip((np.array(self.prefixes) / LANES - batch.first) / batch.blocks, 0.0, 1.0)
+        timed = super().timed(sums, batch, seconds, cpu_seconds)
         return timed._replace(prefix_cpu_seconds=sums.prefix_cpu_seconds + shares * cpu_seconds)
 
     def stderr(self, sums: Any) -> float:

@@ -10,11 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from spi.numerics.groups import filled_groups
-from spi.printing.rows import rows_of
 from spi.printing.tables import Column, Table
 from spi.printing.text import HEAVY, duration, fraction, joined, order_text, power_of_two, readable, short
 from spi.statistics.claims import Quantity, lost_among, order, quantity
-from spi.storage.records import HEAVY_TAILS, Order, in_standard_errors, student
+from spi.storage.records import HEAVY_TAILS, Order, Variables, in_standard_errors, student
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for 0.3 % of the time
@@ -268,8 +267,8 @@ class WeakErrors(Stored):
     unsampled: Unsampled | None = None
     prefixes: Prefixes | None = nested("samples", "prefix_", default=None)
     history: History | None = nested("allocation", "history_", default=None)
-    levels: LevelEstimates | None = nested(prefix="level_", apart=True, default=None)
-    differences: Differences | None = nested(prefix="difference_", apart=True, default=None)
+    levels: LevelEstimates | None = nested(prefix="level_", default=None)
+    differences: Differences | None = nested(prefix="difference_", default=None)
     quasi: Quasi | None = nested(prefix="quasi_", default=None)
     formulas: tuple[str, ...] = fact("formulas of the test functions in y1, y2, ...", name="functions")
     cpu_seconds: float = fact("processor time", "s", column=True)
@@ -303,6 +302,11 @@ class WeakErrors(Stored):
                 largest = largest_over_eps(members, f)
                 fitted = order(about, largest.order, "uniform_order", function, members[0].expected_order)
                 yield fitted._replace(lost=lost_among(largest.value + largest.stderr, "errors"))
+
+    def beside(self, readings: Iterable["WeakErrors"]) -> Variables:
+        """``agreement``: the error less that without sampling, in standard errors."""
+        near = agreement(self, readings)
+        return {"agreement": (self.row_axes, near.deviation)} if near else {}
 
     @derived("h", "diverged paths, where there are any")
     def lost(self) -> Array | None:
@@ -508,18 +512,6 @@ def largest_over_eps(members: Sequence[WeakErrors], f: int) -> "Largest":
     errors = np.array([one.error[f] for one in members])
     withouts = [one.sampled.error_without for one in members if one.sampled]
     return largest_over(members[0].h, errors, np.array([without[:, f] for without in withouts if without is not None]))
-
-
-# ---------------------------------------------------------------------------------------------------------------------
-# The rows of CSV and JSON, with the agreement with deterministic errors.
-# ---------------------------------------------------------------------------------------------------------------------
-
-
-def rows(readings: Sequence[WeakErrors]) -> Iterator[dict[str, Any]]:
-    """A record per test function and step size; ``agreement``: less the deterministic error, in standard errors."""
-    for reading in readings:
-        near = agreement(reading, readings)
-        yield from rows_of(reading, {"agreement": (reading.row_axes, near.deviation)} if near else None)
 
 
 # ---------------------------------------------------------------------------------------------------------------------

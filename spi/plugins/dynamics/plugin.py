@@ -4,6 +4,7 @@ from spi.plugins import Plugin
 
 PLUGIN = Plugin(
     "dynamics",
+    offered={"rank_histogram": "spi.plugins.dynamics.api:rank_histogram"},
     kinds={
         "equilibrium": "spi.plugins.dynamics.kinds.equilibrium",
         "growth": "spi.plugins.dynamics.kinds.growth",

@@ -10,12 +10,15 @@ PLUGIN = Plugin(
         "vorticity": "spi.plugins.fluids.specs.initial:Vorticity",
         "random": "spi.plugins.fluids.specs.initial:Vorticity",
     },
+    offered={"fluid": "spi.plugins.fluids.api"},
     grids={"torus": "spi.plugins.fluids.specs.initial:of_grid"},
     films={"torus": "spi.plugins.fluids.kinds.trajectory.figure:FILM"},
     groups={"fluids": "the sine-Euler equations and their limit"},
     panels={
         "trajectory.vorticity": "spi.plugins.fluids.kinds.trajectory.words:VORTICITY",
         "trajectory.spectrum": "spi.plugins.fluids.kinds.trajectory.words:SPECTRUM",
+        "trajectory.tracer": "spi.plugins.fluids.kinds.trajectory.words:TRACER",
+        "statistics.energy_spectrum": "spi.plugins.fluids.kinds.statistics.words:SPECTRUM",
         "trajectory.enstrophy": "spi.plugins.fluids.kinds.trajectory.words:ENSTROPHY",
     },
 )

@@ -11,8 +11,8 @@ from spi.cli.terminal import STOP, tell
 
 #: Options of `spi report` whose value may be left out, and what it is then.
 _FOLDERS = {"--latex": "tables", "--data": "curves"}
-_OF_LATEX = "Folder for the tables as LaTeX, <latex>/<name>.tex; without a value tables."
-_OF_DATA = "Folder for the curves as CSV, <data>/<name>.csv; without a value curves."
+_OF_LATEX = "Folder for the tables as LaTeX, <latex>/<name>.tex, ...; without a value tables."
+_OF_DATA = "Folder for all numbers as CSV, <data>/<name>.csv, ...; without a value curves."
 
 
 class ReportCommand(TyperCommand):

@@ -17,7 +17,7 @@ from spi.plugins import Registry, lacking
 from spi.specs.document import Document, SpecError
 from spi.specs.files import Files
 from spi.specs.keys import check_keys, shown, suggestion, wrong
-from spi.specs.models import OUTSIDE, Source, overridden
+from spi.specs.models import OUTSIDE, Source, overridden, strengths_of
 
 from . import generated
 from .keys import KEYS, USED, DefinitionError
@@ -49,7 +49,7 @@ def read(data: Mapping[str, Any], files: Files) -> Any:
         strengths = generated.strengths(definition, whole.get("sigma"))
     except DefinitionError as error:
         _report(error, data, document)
-    return generated.record(made, [strength or None for strength in strengths], definition)
+    return generated.record(made, strengths_of(strengths), definition)
 
 
 def in_file(path: Any, files: Files) -> Mapping[str, Any]:

@@ -15,6 +15,7 @@ from spi.numerics.rng import LANES
 from spi.plugins.answers.kinds.answer import study
 from spi.plugins.answers.kinds.answer.planner import MeanTerm, sampling_error
 from spi.statistics.estimators import GROUPS, with_powers
+from spi.statistics.tallies import Batch
 
 MODEL = {"variables": ["q", "p"], "bracket": {"q p": 1}, "hamiltonian": "(q^2 + p^2)/2", "noises": ["q"], "sigma": [1]}
 SPREAD = math.sqrt(0.5 - math.sin(2.0) / 4.0)  # of q(1), from (0, 0)
@@ -42,7 +43,7 @@ def answers(function, paths, seeds=40):
         q = SPREAD * np.random.default_rng(seed).standard_normal(paths)
         values = np.array([phi(np.array([q, 0.0 * q])) for phi in plan.phis])
         blocks = values.reshape(len(values), -1, LANES).transpose(1, 0, 2)
-        sums = with_powers(np.zeros((4, len(values), GROUPS)), blocks, 0, paths)
+        sums = with_powers(np.zeros((4, len(values), GROUPS)), blocks, Batch(0, 0, len(blocks), paths))
         totals = plan.empty(0)._replace(sums=sums[:, np.newaxis], paths=paths)
         of_all = MeanTerm(1.0, plan._spread_of_all(totals, -1), paths)
         own = of_all._replace(spread=of_all.spread.with_hidden(plan.owners))

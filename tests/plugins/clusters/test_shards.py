@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import test_extending_specs
 from helpers import COMPILED
 from states import sums_files
 
@@ -25,6 +26,8 @@ from spi.running import workers
 from spi.running.checkpoint import MOST_SHARDS, Checkpoint, Shard
 from spi.running.run import Limits, Watch, load
 from spi.statistics import tallies
+
+computed = test_extending_specs.computed  # fixture
 
 if not COMPILED:
     pytest.skip("too many steps without the compiler", allow_module_level=True)
@@ -359,3 +362,10 @@ def test_what_is_no_shard_is_refused(text, capfd):
     assert app(["run", "rigid_body_strong", "--shard", text], standalone_mode=False) == 2
     message = f"spi: --shard: is '{text}'; must be a number and a count of at most {MOST_SHARDS}, e.g. 1/4\n"
     assert capfd.readouterr() == ("", message)
+
+
+def test_shards_of_a_spec_that_has_more(tmp_path, computed):
+    for schemes in ("[splitting]", "[splitting, euler_maruyama]"):
+        computed.clear()
+        merged(strong(f"schemes={schemes}"), tmp_path, 2)
+    assert computed == {("main/euler_maruyama", 0)}

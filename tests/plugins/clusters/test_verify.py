@@ -188,3 +188,16 @@ def test_an_attribute_that_has_the_name_of_an_array_is_compared_as_well():
     other = one._replace(attributes={"samples": 11})
     assert differing([one], [one], times=True) == []
     assert differing([one], [other], times=True) == ["main/splitting: attribute samples"]
+
+
+def test_all_machines_are_named_on_which_merged_sums_were_computed(tmp_path, monkeypatch):
+    for number in (1, 2):
+        monkeypatch.setattr(storage, "machine", lambda number=number: f"machine {number}")
+        shards.run_shard(strong(), Shard(number, 2), tmp_path)
+    monkeypatch.setattr(storage, "machine", lambda: "this one")
+    path = shards.merge(strong(), tmp_path)
+    assert storage.read(path).attributes["machines"] == ("machine 1", "machine 2", "this one")
+    assert [cause for cause in verify(path, 1).causes if "machine" in cause] == [
+        "one of 3 machines: machine 1",
+        "one of 3 machines: machine 2",
+    ]

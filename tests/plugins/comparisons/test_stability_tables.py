@@ -5,9 +5,11 @@ import math
 import numpy as np
 import pytest
 from helpers import printed
-from stability_results import predators, stability, stability_group
+from stability_results import VALUES, predators, stability, stability_group
 
+from spi import views
 from spi.plugins.comparisons.kinds.stability.results import REGIMES, Stability, largest_step
+from spi.statistics.claims import quantities
 
 
 def cell(group, value, h):
@@ -54,6 +56,12 @@ def test_worse_regimes_come_first():
             group.variables[name][1][0, 0] = (good if i < healed else bad)[name]
         found.append(REGIMES[Stability.of(group).regimes[0, 0]])
     assert found == list(REGIMES[::-1])
+
+
+def test_quantities_are_of_each_value_of_the_sweep():
+    results = stability(stability_group("splitting"))
+    found = {one.swept for one in quantities([*views.readings(results)])}
+    assert found == {(results.groups[0].attributes["sweep"], value) for value in VALUES}
 
 
 def test_growth_is_that_beyond_the_true_one():

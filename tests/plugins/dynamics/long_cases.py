@@ -49,7 +49,7 @@ def rows_after(scheme, model, rows, h, first, steps, seed=3):
 
 def paths_done(plan, chunk, casimir=None):
     """The paths of a chunk as if all steps were done: no counts, and these errors of the Casimirs, or none known."""
-    start = plan.empty(chunk.path_set, chunk.blocks)
+    start = plan.at_start(chunk.batch)
     of_paths = {name: getattr(start, name)[..., : chunk.paths] for name in plan.by_path}
     done = start._replace(paths=chunk.paths, n=plan.case.step_count, y=start.y[:0], **of_paths)
     return done if casimir is None else done._replace(casimir=casimir)

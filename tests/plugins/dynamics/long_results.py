@@ -95,7 +95,7 @@ def equilibrium_group(scheme, quantities=None, **more):
         density_exact=cells,
         quantities=quantities,
     )
-    panels = ("growth", "means", "histogram", "autocorrelation", "heat")
+    panels = more.pop("panels", ("growth", "means", "histogram", "autocorrelation", "heat"))
     return _group(Equilibrium, scheme, "held", more, panels=panels, averages=averages)
 
 

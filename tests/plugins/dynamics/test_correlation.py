@@ -13,16 +13,17 @@ from spi.plugins.dynamics.statistics.correlation import (
     resolved_times,
 )
 from spi.statistics.estimators import GROUPS, by_group, group_counts
+from spi.statistics.tallies import Batch
 
 
 def test_groups_are_those_of_the_jackknife():
     for first, blocks, end in ((0, 1, 3), (0, 3, 3 * LANES - 5), (7, 10, 17 * LANES)):
         number = np.arange(first * LANES, (first + blocks) * LANES).reshape(blocks, LANES)
-        found = by_group(np.where(number < end, 1.0, np.nan), first, end)
+        found = by_group(np.where(number < end, 1.0, np.nan), Batch(0, first, blocks, end))
         assert found.shape == (GROUPS,)
         np.testing.assert_array_equal(found, group_counts(end) - group_counts(first * LANES))
     values = np.arange(2.0 * LANES * 3).reshape(2, LANES, 3)
-    assert by_group(values, 5, 7 * LANES).sum(axis=-1) == pytest.approx(values.sum(axis=(0, 1)))
+    assert by_group(values, Batch(0, 5, 2, 7 * LANES)).sum(axis=-1) == pytest.approx(values.sum(axis=(0, 1)))
 
 
 def test_products_of_stretches_are_those_of_the_series():

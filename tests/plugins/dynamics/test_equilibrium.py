@@ -1,5 +1,6 @@
 """Means over time at equilibrium: what is recorded, errors, warnings, orders, and keys."""
 
+import io
 import re
 from dataclasses import replace
 from types import SimpleNamespace
@@ -153,8 +154,12 @@ def test_roundings_of_casimirs_are_not_tested_and_a_drift_is(load_text):
     assert 0 < exact.rounding[0, 0] == exact.casimir_worst[0, -1, 0] < 1e-13 and np.isnan(exact.bias_deviation).all()
     assert abs(exact.bias[0, 0]) < 1.96 * exact.bias_stderr[0, 0] and exact.bias_stderr[0, 0] < 1e-13
     assert moving.rounding is None and moving.bias_deviation[0, 0] > 3
-    assert "bias/step" in (text := printed(StoredResults({"kind": "equilibrium", "title": ""}, (exact.group(),))))
-    assert "in std." not in text
+    results = StoredResults({"kind": "equilibrium", "title": ""}, (exact.group(),))
+    text = printed(results)
+    assert "Casimir functions: constant up to rounding" in text and "bias/step" not in text
+    views.print_tables(results, whole := io.StringIO(), everything=True)
+    assert "bias/step" in whole.getvalue() and "in std." not in whole.getvalue()
+    assert "bias/step" in printed(results._replace(groups=(moving.group(),)))
 
 
 @pytest.mark.parametrize("finest", [False, True])
@@ -200,7 +205,7 @@ def test_tables_and_figures_tell_what_is_known_and_what_is_doubtful(load_text):
     assert [one.h for one in deviations if one.function == "height"] == [0.25, 0.125]
     assert max(one.value for one in deviations if one.function == "height") > 4.5
     every = views.figure(results._replace(groups=(replace(reading, panels=ALL).group(),)))
-    assert len(every.axes) == 1 + 2 * 3 and len(views.rows(results)) == 2 * len(reading.n)
+    assert len(every.axes) == 1 + 2 * 3 and len(views.rows(results)) == 2 * 2
     gone = replace(reading, panels=("histogram",), nonfinite=np.ones_like(reading.nonfinite))
     with pytest.raises(ValueError, match="no panel that could be drawn"):
         views.figure(results._replace(groups=(gone.group(),)))

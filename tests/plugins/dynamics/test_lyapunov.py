@@ -19,6 +19,7 @@ from spi.plugins.dynamics.kinds.lyapunov.study import log_density, normals_at
 from spi.printing.tables import printed, show_items
 from spi.running.load import load
 from spi.statistics.claims import CONSISTENT, INCONCLUSIVE, judge, quantities
+from spi.statistics.tallies import Batch
 from spi.storage import Part
 
 EXPERIMENTS = Path(__file__).parents[3] / "experiments"
@@ -189,7 +190,7 @@ def test_damped_states_have_euclidean_lengths(case_of):
 
 def test_intervals_are_those_of_student(case_of):
     plan = plan_of(case_of("final_time=1", "step=2^-3"))
-    rows, found = plan.observe(0, 0, 1, 64), results_of(plan.case)
+    rows, found = plan.observe(Batch.of_first(1)), results_of(plan.case)
     values = rows["values"][0, -1]
     for value, half, paths in (
         (found.exponent[0, -1], found.exponent_half[0, -1], values[0]),
@@ -254,9 +255,9 @@ def step_of_a_body(y, h, dW):
 def test_exponents_of_each_path_are_those_of_exact_derivatives(case_of):
     """Derivatives of each step by imaginary increments of 1e-30, which lose no digits: no near path, no projection."""
     plan = plan_of(case_of("final_time=4", "step=2^-3", "every=4", "warm_up=0"))
-    found = plan.observe(0, 0, 1, 64)["values"][0, -1]
+    found = plan.observe(Batch.of_first(1))["values"][0, -1]
     y = np.repeat(np.array(plan.initial)[:, np.newaxis], 64, axis=1)
-    q = plan.first_vectors(0, 1, normals_at(plan.model, y[np.newaxis]))[:, 0]
+    q = plan.first_vectors(Batch.of_first(1), normals_at(plan.model, y[np.newaxis]))[:, 0]
     grown, noises = np.zeros((2, 64)), len(plan.model.sigma)
     for stop in range(8):
         dW = np.empty((4, 64, noises))

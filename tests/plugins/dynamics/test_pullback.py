@@ -14,6 +14,7 @@ from spi.plugins.dynamics.drawing.maps import mollweide
 from spi.plugins.dynamics.kinds.lyapunov import figure, study
 from spi.plugins.dynamics.kinds.lyapunov.results import Exponents, kaplan_yorke
 from spi.running.load import load
+from spi.statistics.tallies import Batch
 from spi.storage import Part
 
 BODY = {"name": "rigid_body", "inertia": [2, 1, "2/3"], "noise_inertia": [1, 2, 3], "sigma": [1, 1, 1]}
@@ -48,7 +49,7 @@ def about_axis_3(model):
 
 def states(plan):
     """(T, points, d)"""
-    return np.moveaxis(plan.pulled.states(0, 2, 128), 0, 2).transpose(0, 2, 3, 1).reshape(2, 128, 3)
+    return np.moveaxis(plan.pulled.states(Batch.of_first(2)), 0, 2).transpose(0, 2, 3, 1).reshape(2, 128, 3)
 
 
 def test_noise_about_one_axis_turns_each_state_by_a_known_angle(plan_of):

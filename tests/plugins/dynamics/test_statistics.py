@@ -20,6 +20,7 @@ from spi.running.run import load
 from spi.specs import SpecError
 from spi.statistics.claims import quantities
 from spi.statistics.estimators import by_group
+from spi.statistics.tallies import Batch
 
 
 @pytest.fixture
@@ -160,7 +161,8 @@ def test_kurtosis_from_the_error_of_the_variance(samples):
     paths = np.zeros((-(-samples // LANES) * LANES, 1, 3))
     paths[:samples, 0] = np.transpose(each)
     blocks = paths.reshape(-1, LANES, 1, 3)
-    sums = np.array([by_group(blocks**power, 0, samples) for power in (1, 2)])
+    batch = Batch(0, 0, len(blocks), samples)
+    sums = np.array([by_group(blocks**power, batch) for power in (1, 2)])
     found = PathMoments.of(sums, sums[:1], samples).kurtosis(3)[:, 0]
     known = stats.kurtosis(each, axis=1, fisher=False)
     np.testing.assert_allclose(found[:2], known[:2], rtol=0.5)

@@ -10,7 +10,7 @@ from statistics_cases import results_of, written
 
 import spi
 from spi.printing import new_console
-from spi.printing.rows import rows_of
+from spi.printing.rows import tables_of
 from spi.printing.tables import printed, show_items
 from spi.statistics.claims import quantities
 
@@ -48,7 +48,7 @@ def test_rows_that_are_not_finite_stay_and_say_how_many_paths_are(case_of):
     assert np.abs(q.quantile[0, -1] - expected).max() < 0.1
     assert (q.quantile_low[0, -1] <= expected).all() and (expected <= q.quantile_high[0, -1]).all()
     assert np.isnan(q.quantile[2]).all()
-    text, rows = shown(found), list(rows_of(found))
+    text, rows = shown(found), next(iter(tables_of([found]).values())).rows
     assert f"{share[-1]:g}" in text and "finite share: of the paths" in text and "quantiles are those" in text
     assert len(rows) == 5 * 9 and rows[8]["finite"] == share[-1] and np.isnan(rows[8]["mean"])
     assert not any(one.function == "l" and one.value == one.value for one in quantities([found]) if one.name == "mean")

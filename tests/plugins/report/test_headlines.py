@@ -3,12 +3,9 @@
 import numpy as np
 import pytest
 from filled_results import filled
-from long_results import equilibrium, equilibrium_group, growth, growth_group
-from stability_results import stability, stability_group
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
 from weak_results import at_eps, weak, weak_group
-from work_results import work_results
 
 from spi import storage
 from spi.kinds import KINDS
@@ -86,8 +83,11 @@ def test_where_a_curve_is_zero_its_parameter_is_named():
     assert "zero" not in sweeps.headline([Curve("largest_exponent", "", about, tuple(never))])
 
 
+@pytest.mark.needs("dynamics")
 def test_the_largest_step_size_for_an_accuracy(headline):
     """The smallest of all functions: the bias of H is 0.1 h^2, and that of the other is below it at h = 1/4."""
+    from long_results import equilibrium, equilibrium_group
+
     held = equilibrium_group("splitting", accuracy=1e-3)
     assert headline(equilibrium(held)) == "Largest h for means to 0.001: 0.10 with splitting (H: by the fitted bias)."
     held = equilibrium_group("splitting", accuracy=1e-2)
@@ -107,10 +107,20 @@ def test_an_answer_names_the_expectation_and_its_time():
     assert list(lost.answers([lost])) == ["E y1^2 at t = 2 is 0.16, not resolved."]
 
 
-def test_other_kinds(headline):
+@pytest.mark.needs("dynamics")
+def test_of_long_times(headline):
+    from long_results import growth, growth_group
+
+    assert headline(growth(growth_group("splitting"))).startswith("Casimir worst at h = ")
+
+
+@pytest.mark.needs("comparisons")
+def test_of_comparisons(headline):
     """Over a parameter from its first value to its last."""
+    from stability_results import stability, stability_group
+    from work_results import work_results
+
     text = headline(stability(stability_group("splitting")))
     assert text.startswith("Largest accurate h (error <= 0.1 |y_0|) from sigma = 0.1 to sigma = 30: ")
-    assert headline(growth(growth_group("splitting"))).startswith("Casimir worst at h = ")
     text = headline(work_results(cases=("one",), schemes=("euler_maruyama", "splitting")))
     assert text.startswith("An error of 0.1 costs least with splitting: ") and ", h = 2^" in text

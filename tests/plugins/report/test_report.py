@@ -236,7 +236,13 @@ def test_results_of_several_cases_tell_each_case(tmp_path, undrawn):
 def test_tables_and_curves_are_files_of_their_own(stored, tmp_path, undrawn):
     written = files(stored, tmp_path / "r.html", tmp_path / "tex", tmp_path / "csv")
     names = {str(path.relative_to(tmp_path)) for path in written}
-    assert names == {"r.html", "tex/first.tex", "tex/second.tex", "csv/first.csv", "csv/second.csv"}
+    plain = {"r.html", "tex/first.tex", "tex/second.tex", "csv/first.csv", "csv/second.csv"}
+    assert names == plain | {
+        "csv/first.casimir_drift.csv",
+        "tex/first.casimir_drift.tex",
+        "tex/first.error.tex",
+        "tex/second.y.tex",
+    }
     for path in stored:
         back = list(csv.DictReader(io.StringIO(written[tmp_path / "csv" / f"{path.stem}.csv"].decode())))
         records = views.rows(storage.read(path))
@@ -321,7 +327,7 @@ def test_one_of_many_files_ends_no_command_about_them(stored, tmp_path, monkeypa
     monkeypatch.setattr("spi.views.readings", readings)
     assert app(["report", "--results", ".", "--data", "csv"], standalone_mode=False) == 2
     line = "second.h5: cannot be shown (ZeroDivisionError('of a kind that nobody foresaw'))"
-    assert capfd.readouterr() == ("", f"wrote report.html\nwrote 2 files into csv\nspi: {line}\n")
+    assert capfd.readouterr() == ("", f"wrote report.html\nwrote 4 files into csv\nspi: {line}\n")
     text = Path("report.html").read_text()
     assert "Results of 2 experiments" in text and str(escape(line)) in text
     monkeypatch.setattr("spi.views.save", lambda figure, folder, stem: [Path(f"{stem}.pdf")])
@@ -344,18 +350,19 @@ def root(path, samples):
 def test_the_command_reports_on_all_results(stored, tmp_path, undrawn, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     app(["report", "--results", ".", "--out", "page/r.html", "--data", "csv"], standalone_mode=False)
-    assert capfd.readouterr() == ("", "wrote page/r.html\nwrote 2 files into csv\n")
+    assert capfd.readouterr() == ("", "wrote page/r.html\nwrote 3 files into csv\n")
     assert "Results of 2 experiments" in (tmp_path / "page/r.html").read_text()
-    assert {path.name for path in (tmp_path / "csv").iterdir()} == {"first.csv", "second.csv"}
+    names = {"first.csv", "first.casimir_drift.csv", "second.csv"}
+    assert {path.name for path in (tmp_path / "csv").iterdir()} == names
     app(["report", "first", "--results", "."], standalone_mode=False)
     assert "Results of one experiment" in (tmp_path / "report.html").read_text()
     with pytest.raises(storage.StorageError, match="results: no results here; run an experiment first, or name the"):
         app(["report"], standalone_mode=False)
     app(["report", "first", "--latex", "--results", ".", "--data"], standalone_mode=False)
-    assert [str(path) for folder in ("tables", "curves") for path in pathlib.Path(folder).iterdir()] == [
-        "tables/first.tex",
-        "curves/first.csv",
-    ]
+    assert {str(path) for folder in ("tables", "curves") for path in pathlib.Path(folder).iterdir()} == {
+        *("tables/first.tex", "tables/first.error.tex", "tables/first.casimir_drift.tex"),
+        *("curves/first.csv", "curves/first.casimir_drift.csv"),
+    }
 
 
 def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):

@@ -17,6 +17,7 @@ from spi.ensemble.protocol import drift_gradient, frozen, hamiltonian, noise_gra
 from spi.models.delegation import damped
 from spi.numerics.rng import LANES
 from spi.plugins.systems import generated as systems
+from spi.specs.models import strengths_of
 
 INITIAL = (0.5, -0.3, 0.7)
 
@@ -25,7 +26,7 @@ def record(text, name="Driven", **keys):
     """The record of a definition, with other values of some keys."""
     keys = {**definition(text), **keys}
     sigma = systems.strengths(keys, keys.get("sigma"))
-    return systems.record(systems.made(keys, name), [strength or None for strength in sigma])
+    return systems.record(systems.made(keys, name), strengths_of(sigma))
 
 
 #: H = H_0 + eps cos(w t) H_1, H_1 a product that becomes two squares, and a travelling wave.

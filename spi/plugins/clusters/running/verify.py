@@ -85,9 +85,7 @@ def verify(
     rounding = _ROUNDING if causes else 0.0
     sums, states = _sums_of(Path(path), results, ready)
     if sums:
-        names = _differing(states, results, rounding, times=True)
-        if any(name.endswith("wall_seconds") for name in names):  # the same sums, computed again by another run
-            names = _differing(states, results, rounding, times=False)
+        names = _not_of_sums(states, results, rounding)
         wrong += [f"{name} does not follow from the sums in {sums}" for name in names]
     if chunks is None or chunks >= len(every):
         again = _all_again(ready, len(every), report)
@@ -107,6 +105,14 @@ def verify(
         sums=sums,
         causes=causes,
     )
+
+
+def _not_of_sums(states: Sequence[State], results: StoredResults, rounding: float) -> list[str]:
+    """Numbers that do not follow from stored sums, whose times are those of the run unless another one made them."""
+    names = _differing(states, results, rounding, times=True)
+    if any(name.endswith("wall_seconds") for name in names):  # the same sums, computed again by another run
+        names = _differing(states, results, rounding, times=False)
+    return names
 
 
 def _listed(results: StoredResults) -> dict[str, str]:

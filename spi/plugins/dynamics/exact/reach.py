@@ -24,7 +24,7 @@ def reach(model, initial):
     start, rng = np.array(initial, float), np.random.default_rng(3)
     with uncompiled():
         surface = int(np.linalg.matrix_rank(structure_matrix(model, start), tol=_CLOSE * np.abs(start).max()))
-        count = 1 + len(_acting(model))
+        count = 1 + len(protocol.noise_indices(model))
         y = _flow(model, start[:, np.newaxis], rng.standard_normal(count))
         vectors = _noise_fields(model, y)
         around = y + _NUDGE * np.hstack([np.zeros((len(y), 1)), np.eye(len(y)), -np.eye(len(y))])
@@ -38,15 +38,11 @@ def reach(model, initial):
     return min(_rank(vectors), surface), surface
 
 
-def _acting(model):
-    return [k for k in protocol.noise_indices(model) if protocol.strengths(model)[k]]
-
-
 def _gradients(model, y):
     """(m + 1, d, n): grad H and all grad Ĥ_k at states (d, n)."""
     methods = [
         partial(protocol.drift_gradient, model),
-        *(partial(protocol.noise_gradient, model, k) for k in _acting(model)),
+        *(partial(protocol.noise_gradient, model, k) for k in protocol.noise_indices(model)),
     ]
     return np.array([at_states(gradient, y) for gradient in methods])
 

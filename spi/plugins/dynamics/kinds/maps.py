@@ -8,7 +8,7 @@ from spi.ensemble.random_states import RandomState, Spheres
 from spi.kinds.functions import path_function
 from spi.models.delegation import depends_on_time
 from spi.plugins.dynamics.statistics.cells import cells_around, places_in_cells, share_stderr
-from spi.storage.stored import Array, Described, array, axis
+from spi.storage.stored import Array, Described, array, axis, derived
 
 #: The sides of cells of equal area on a sphere, by Archimedes.
 SPHERE_SIDES = "y3 / |y|", "longitude"
@@ -28,6 +28,26 @@ class DensityMap(Described):
     stderr: Array = array("map_t row column", "standard error of the density")
     outside: Array = array("map_t", "share of the paths outside of all cells")
     law: Array | None = array("row column", "the Gibbs law in the cells of a sphere, as a density", default=None)
+
+    @derived("map_t row column", "standard error of the density")
+    def density_stderr(self) -> Array:
+        """(times, rows, columns) of the field `stderr`."""
+        return self.stderr
+
+    @derived("map_t row column", "middle of the cell on the first side", column="{}")
+    def row_middle(self) -> Array:
+        """(times, rows, columns) the same in a row."""
+        return np.broadcast_to(self._middles(0)[:, :, np.newaxis], self.density.shape)
+
+    @derived("map_t row column", "middle of the cell on the second side", column="{}")
+    def column_middle(self) -> Array:
+        """(times, rows, columns) the same in a column."""
+        return np.broadcast_to(self._middles(1)[:, np.newaxis], self.density.shape)
+
+    def _middles(self, side: int) -> Array:
+        """(times, cells) of a side."""
+        places = np.arange(self.density.shape[1 + side]) + 0.5
+        return self.low[:, side, np.newaxis] + self.width[:, side, np.newaxis] * places
 
     @property
     def is_sphere(self) -> bool:

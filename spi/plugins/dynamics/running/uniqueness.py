@@ -4,7 +4,7 @@ import math
 from functools import lru_cache
 from typing import Any
 
-from spi.ensemble.protocol import dimension, large, strengths
+from spi.ensemble.protocol import dimension, large
 from spi.models.delegation import undamped
 from spi.plugins.dynamics.exact.reach import reach
 from spi.specs import BaseCase
@@ -17,7 +17,7 @@ def warning(case: BaseCase) -> str:
     model = undamped(case.model)
     if math.isinf(case.temperature) or large(model) or dimension(model) > _MOST_COMPONENTS:
         return ""
-    return _of_noises(model._replace(sigma=tuple(map(bool, strengths(model)))), case.initial)
+    return _of_noises(model._replace(sigma=tuple(None if s is None else 1.0 for s in model.sigma)), case.initial)
 
 
 @lru_cache(typed=True)  # cases that differ in steps or strengths have the same fields

@@ -5,6 +5,7 @@ import numpy as np
 from spi.numerics.types import Array
 from spi.plugins.dynamics.ensemble.counting import count_values
 from spi.statistics.intervals import student_of_paths, zero_share_bound
+from spi.statistics.tallies import Batch
 
 
 def range_of(values: Array) -> tuple[Array, Array]:
@@ -42,13 +43,10 @@ def places_in_cells(sides: Array, low: Array, width: Array, number: tuple[int, i
     return np.where(outside, -1.0, row * columns + column + 0.5)[:, :, np.newaxis]
 
 
-def count_places(places: Array, first: int, end: int, cells: Array) -> None:
-    """Add places (blocks, T, 1, LANES) of paths to the counts (T, 1, 2 + cells): outside, in each cell, lost.
-
-    The first block is number `first`; paths from number `end` on do not count.
-    """
+def count_places(places: Array, batch: Batch, cells: Array) -> None:
+    """Add places (blocks, T, 1, LANES) of a batch to the counts (T, 1, 2 + cells): outside, in each cell, lost."""
     begin = np.zeros((places.shape[1], 1))
-    count_values(places, first, end, begin, begin + 1, cells, (0, places.shape[1]))
+    count_values(places, batch.first, batch.end, begin, begin + 1, cells, (0, places.shape[1]))
 
 
 def share_stderr(share: np.ndarray, samples: int) -> np.ndarray:

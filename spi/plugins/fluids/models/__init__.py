@@ -18,6 +18,7 @@ from annotated_types import Ge, Le
 from spi.numerics.rng import MOST_NOISES
 
 from .kernels import tables
+from .observables import observables_of
 from .tables import Mode, lines, modes, shell
 
 
@@ -50,18 +51,22 @@ class ModeNoise(NamedTuple):
 
 
 class Zeitlin(NamedTuple):
-    """A two-dimensional ideal fluid of N^2 - 1 real components, with Casimirs C_k = tr W^k / N, k = 2, 3, ..."""
+    """A two-dimensional ideal fluid of N^2 - 1 real components, with Casimirs C_k = tr W^k / N, k = 2, 3, ...
+
+    A passive tracer has as many components and Casimirs: a matrix that the flows turn as they turn W.
+    """
 
     n: Annotated[int, Ge(3), Le(255), "N, odd: the modes are those of the torus modulo N"]
     noise: Annotated[tuple[ModeNoise, ...], "noise of modes or shells, as in {shell: 2, sigma: 0.1}, or a list"] = ()
     normalisation: Annotated[Literal["paper", "zeitlin"], "of the bracket: with 1, or with N / (2 pi)"] = "paper"
     casimirs_watched: Annotated[int, Ge(1), Le(16), "how many Casimirs are watched, from C_2 on"] = 4
+    tracers: Annotated[int, Ge(0), Le(8), "passive tracers, which the fluid carries along, after the vorticity"] = 0
 
     large = True
-    symbols = {"n": "N", "casimirs_watched": ""}  # noqa: RUF012
+    symbols = {"n": "N", "casimirs_watched": "", "tracers": ""}  # noqa: RUF012
 
     def dimension(model):
-        return model.n**2 - 1
+        return (1 + model.tracers) * (model.n**2 - 1)
 
     def pieces(model):
         return len(lines(model.n))
@@ -70,11 +75,11 @@ class Zeitlin(NamedTuple):
         return len(model.processes)
 
     def conserved(model):
-        return min(model.casimirs_watched, model.n - 1)
+        return (1 + model.tracers) * min(model.casimirs_watched, model.n - 1)
 
     def flow_ns(model):
         """Fitted to N = 5, ..., 127 on a processor with AVX-512; transforms dominate from N = 31 on."""
-        return 40.0 + 4.0 * model.n**1.5 + 0.04 * model.n**3
+        return (1 + model.tracers) * (40.0 + 4.0 * model.n**1.5 + 0.04 * model.n**3)
 
     def report(model, initial):
         from .fields import report  # which needs this class
@@ -82,7 +87,14 @@ class Zeitlin(NamedTuple):
         return report(model, initial)
 
     def geometry(model):
-        return {"on": "torus", "modes": model.n}
+        return {"on": "torus", "modes": model.n} | ({"tracers": model.tracers} if model.tracers else {})
+
+    def parameters(model):
+        """All fields, tracers where there are some."""
+        return {key: value for key, value in model._asdict().items() if key != "tracers" or value}
+
+    def observables(model):
+        return observables_of(model.n, model.tracers)
 
     def in_kernels(model):
         return tables(model)

@@ -63,6 +63,39 @@ def projected(field: np.ndarray, n: int) -> np.ndarray:
     return np.where(np.abs(y) > MODE_ROUNDING * largest[..., None], y, 0.0)
 
 
+def velocity(y: np.ndarray, points: int) -> np.ndarray:
+    """Velocities u (..., 2, G, G) of states, u = (-d psi / d x_2, d psi / d x_1) the Laplacian of psi being omega."""
+    y = np.asarray(y, float)
+    omega = y[..., ::2] + 1j * y[..., 1::2]
+    m1, m2 = (part / _lengths(size_of(y)) ** 2 for part in _frequencies(size_of(y)))
+    u = np.stack([1j * m2 * omega, -1j * m1 * omega], axis=-2)
+    return vorticity(np.stack([u.real, u.imag], axis=-1).reshape(*u.shape[:-1], -1), points)
+
+
+def table_of(y: np.ndarray) -> np.ndarray:
+    """Modes (..., N, N) of states (..., d): omega_m at [m_1, m_2], where -1 is the last index; omega_0 = 0."""
+    y, n = np.asarray(y, float), size_of(y)
+    (m1, m2), omega = _frequencies(n), y[..., ::2] + 1j * y[..., 1::2]
+    table = np.zeros((*y.shape[:-1], n, n), complex)
+    table[..., m1, m2], table[..., -m1, -m2] = omega, omega.conj()
+    return table
+
+
+def state_of_table(table: np.ndarray, n: int) -> np.ndarray:
+    """States (..., N^2 - 1), N = `n`, of modes (..., N', N') as of :func:`table_of`; those beyond N are left out.
+
+    ValueError if N' < N, if omega_0 is not 0, or if omega_{-m} is not the complex conjugate of omega_m.
+    """
+    _check_points(table.shape[-1], n)
+    m1, m2 = _frequencies(n)
+    omega, rounding = table[..., m1, m2], MEAN_ROUNDING * np.abs(table).max()
+    if (np.abs(table[..., 0, 0]) > rounding).any():
+        raise ValueError("the mean of a vorticity on the torus must be 0")
+    if (np.abs(table[..., -m1, -m2] - omega.conj()) > rounding).any():
+        raise ValueError("modes m and -m must be complex conjugates")
+    return np.stack([omega.real, omega.imag], axis=-1).reshape(*omega.shape[:-1], -1)
+
+
 def energy_spectrum(y: np.ndarray) -> np.ndarray:
     """E(k) = 1/2 sum |omega_m|^2 / |m|^2 over the modes m and -m of shell k = 1, 2, ..., (..., shells) of states."""
     lengths, shells = _lengths(size_of(y)), shells_of(size_of(y))
@@ -143,7 +176,7 @@ _SMALL = 1e-3  # of the mean of |omega|^k: a mean of omega^k that cannot be comp
 def report(model: Any, initial: Sequence[float]) -> list[str]:
     """Lines on what a model resolves of an initial state."""
     lines = [f"N = {model.n} resolves cells of 2 pi/sqrt(N) = {cell(model.n):.2f}, not the grid of its modes"]
-    each = enumerate(ratios(np.array(initial), min(_MOST, model.n - 1)), 2)
+    each = enumerate(ratios(np.array(initial)[: model.n**2 - 1], min(_MOST, model.n - 1)), 2)
     if casimirs := ", ".join(f"C_{k} {ratio:.2f}" for k, ratio in each if math.isfinite(ratio)):
         lines.append(f"Casimirs at the start, of the means of omega^k (1 for a fluid): {casimirs}")
     return lines
@@ -173,11 +206,9 @@ def casimirs_of(y: np.ndarray, count: int) -> np.ndarray:
 def matrix_of(y: np.ndarray) -> np.ndarray:
     """W of a state, the Hermitian N x N matrix of ``kernels.py``."""
     n = size_of(y)
-    m1, m2 = np.array(modes(n)).T
-    omega = np.zeros((n, n), complex)
-    omega[m1, m2] = y[::2] + 1j * y[1::2]
-    omega[-m1, -m2] = omega[m1, m2].conj()
-    turned = np.fft.ifft(omega, axis=0, norm="forward")  # [j, s]: sum over m1 of omega_(m1, s) exp(2 pi i m1 j / N)
+    turned = np.fft.ifft(
+        table_of(y), axis=0, norm="forward"
+    )  # [j, s]: sum over m1 of omega_(m1, s) exp(2 pi i m1 j / N)
     a, s = np.indices((n, n))
     w = np.empty((n, n), complex)
     w[a, (a + s) % n] = turned[(2 * a + s) % n, s]

@@ -106,11 +106,12 @@ class Noises(NamedTuple):
 
 
 class ZeitlinTables(NamedTuple):
-    """Sine-Euler equations of one N, with their noise."""
+    """Sine-Euler equations of one N, with their noise; after the vorticity each tracer has as many components."""
 
     lattice: LineTables
     noise: Noises
     sigma: np.ndarray  #: (m,)
+    size: int  #: N^2 - 1
     d: int
     p: int
     m: int
@@ -132,21 +133,21 @@ class ZeitlinTables(NamedTuple):
 
     def block_drift_flow(model, k, t, width, y, work):
         drift_amplitudes(model, k, t, width, y, work)
-        return turn(True, model.lattice, k, width, y, y, work)
+        return turn_all(True, model, k, width, y, y, work)
 
     def block_noise_flow(model, group, times, width, y, work):
         noise_amplitudes(model, group, times, width, y, work)
-        return turn(True, model.lattice, model.noise.line[group], width, y, y, work)
+        return turn_all(True, model, model.noise.line[group], width, y, y, work)
 
     def add_block_drift(model, t, width, y, out, work):
         for k in range(model.p):
             drift_amplitudes(model, k, t, width, y, work)
-            turn(False, model.lattice, k, width, y, out, work)
+            turn_all(False, model, k, width, y, out, work)
 
     def add_block_noises(model, times, width, y, out, work):
         for group in range(len(model.noise.line)):
             noise_amplitudes(model, group, times, width, y, work)
-            turn(False, model.lattice, model.noise.line[group], width, y, out, work)
+            turn_all(False, model, model.noise.line[group], width, y, out, work)
 
     def add_block_ito_correction(model, h, width, y, out, work):
         # f' f = f twice: the amplitude, of the modes on the line, is the same at y and along f(y), where these are 0
@@ -159,8 +160,8 @@ class ZeitlinTables(NamedTuple):
                 clear_amplitudes(model, work)
                 add_noise_amplitude(model, e, times, width, y, work)
                 field[:] = 0.0
-                turn(False, model.lattice, model.noise.line[group], width, y, field, work)
-                turn(False, model.lattice, model.noise.line[group], width, field, out, work)
+                turn_all(False, model, model.noise.line[group], width, y, field, work)
+                turn_all(False, model, model.noise.line[group], width, field, out, work)
 
     def block_noise_slopes(model, width, y, slopes, work):
         # X_k H is the change of -Ĥ_k along B grad H
@@ -186,7 +187,21 @@ class ZeitlinTables(NamedTuple):
         return energy
 
     def casimirs(model, y):
-        return first_casimirs(model.lattice, model.c, y)
+        count = model.c * model.size // model.d
+        values = np.empty(model.c)
+        for j in range(model.d // model.size):
+            own = y[j * model.size : (j + 1) * model.size]
+            values[j * count : (j + 1) * count] = first_casimirs(model.lattice, count, own)
+        return values
+
+
+@device
+def turn_all(exact, model, line, width, y, out, work):
+    """Flow of a line: of the vorticity, and the same of each tracer; see ``flows.turn``."""
+    largest = turn(exact, model.lattice, line, width, y, out, work)
+    for begin in range(model.size, model.d, model.size):
+        turn(exact, model.lattice, line, width, y[begin * width :], out[begin * width :], work)
+    return largest
 
 
 @device
@@ -262,9 +277,10 @@ def tables(model) -> ZeitlinTables:
             ),
         ),
         sigma=np.array([process.sigma for process in processes], float),
-        d=2 * len(modes(n)),
+        size=n * n - 1,
+        d=(1 + model.tracers) * (n * n - 1),
         p=len(lines(n)),
         m=m,
-        c=min(model.casimirs_watched, n - 1),
+        c=(1 + model.tracers) * min(model.casimirs_watched, n - 1),
         scale=1.0 if model.normalisation == "paper" else n / (2 * math.pi),
     )

@@ -16,13 +16,13 @@ import numpy as np
 import pydantic
 from annotated_types import MinLen
 
-from spi.ensemble.protocol import Positive
+from spi.ensemble.protocol import Positive, geometry
 from spi.expressions import as_numpy, parse_expression
 from spi.expressions.arithmetic import NumberError, parse
 from spi.plugins.fluids.models import fields
 from spi.plugins.fluids.models.tables import places
 from spi.specs.files import Files
-from spi.specs.keys import ABSENT, Keys, Seed, condition, key_of, shown, wrong
+from spi.specs.keys import ABSENT, Keys, Seed, condition, entries_in, key_of, shown, wrong
 
 _MODE = re.compile(r"\s*([+-]?[0-9]{1,6})\s*,\s*([+-]?[0-9]{1,6})\s*")
 _FIELDS = ("modes", "vorticity", "random")
@@ -46,6 +46,10 @@ class Vorticity(Keys):
     vorticity: key_of(str, "an expression in x1 and x2, which go from 0 to 2*pi") = ABSENT
     random: key_of(Random, "a random field of a given energy spectrum") = ABSENT
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the vorticity") = False
+    tracers: key_of(
+        tuple[str, ...],
+        "an expression in x1 and x2 for each passive tracer; its mean, which nothing moves, is left out",
+    ) = ()
 
     @condition
     def _check_one(self) -> None:
@@ -61,6 +65,14 @@ class Vorticity(Keys):
         if n is None:
             right = "must be a list, a number per component, or have file"
             raise wrong("is a vorticity, which is for sine_euler and zeitlin", right)
+        if len(self.tracers) != (wanted := geometry(model).get("tracers", 0)):
+            right = f"must have {entries_in(wanted)}, one for each of the model" if wanted else "leave it out"
+            raise wrong(f"has {entries_in(len(self.tracers))}", right, "tracers")
+        each = [_of_field(text, True, n, ("tracers", i)) for i, text in enumerate(self.tracers)]
+        return sum(each, self._vorticity(n))
+
+    def _vorticity(self, n: int) -> tuple[float, ...]:
+        """The first components."""
         if self.modes is not None:
             return _of_modes(self.modes, n)
         if self.random is not None:
@@ -71,6 +83,9 @@ class Vorticity(Keys):
 def of_grid(model: Any, values: np.ndarray, subtract_mean: bool) -> tuple[float, ...]:
     """State that is nearest to the vorticity with these values on a grid, which stand in a file."""
     n: Any = fields.lattice_of(model)
+    if geometry(model).get("tracers"):
+        right = "give all components in one dimension, as np.concatenate of spi.fluid.state of each"
+        raise wrong("is a vorticity, and the model has tracers", right, "file")
     if values.ndim != 2 or values.shape[0] != values.shape[1] or len(values) < n:
         shape = " x ".join(map(str, values.shape))
         right = f"must have as many columns as rows, at least {n}; or one dimension"
@@ -113,23 +128,25 @@ def _complex(value: Any, key: str) -> complex:
 
 
 @functools.lru_cache(maxsize=16)
-def _of_field(text: str, subtract_mean: bool, n: int) -> tuple[float, ...]:
+def _of_field(
+    text: str, subtract_mean: bool, n: int, keys: tuple[str | int, ...] = ("vorticity",)
+) -> tuple[float, ...]:
     """State that is nearest to a vorticity, sampled on a grid; kept, as all profiles of a file are read."""
     points = 1 << (_POINTS_A_MODE * n - 1).bit_length()
     x = 2 * np.pi * np.arange(points) / points
     right = "must be an expression in x1 and x2 such as sin(x1)*cos(2*x2)"
-    values = _values(text, ("x1", "x2"), np.stack(np.meshgrid(x, x, indexing="ij")), right, "vorticity")
-    return _of_samples(values, subtract_mean, n, "vorticity")
+    values = _values(text, ("x1", "x2"), np.stack(np.meshgrid(x, x, indexing="ij")), right, *keys)
+    return _of_samples(values, subtract_mean, n, *keys)
 
 
-def _of_samples(values: np.ndarray, subtract_mean: bool, n: int, key: str) -> tuple[float, ...]:
-    """State that is nearest to a vorticity on a grid, which stands under `key`."""
+def _of_samples(values: np.ndarray, subtract_mean: bool, n: int, *keys: str | int) -> tuple[float, ...]:
+    """State that is nearest to a vorticity on a grid, which stands under the `keys`."""
     mean, largest = float(values.mean()), float(np.abs(values).max())
     if subtract_mean:
         values = values - mean
     elif abs(mean) > fields.MEAN_ROUNDING * largest:
         fault = f"has the mean {mean:.12g}, which must be 0 on the torus"
-        raise wrong(fault, "subtract it, or add subtract_mean: true", key)
+        raise wrong(fault, "subtract it, or add subtract_mean: true", *keys)
     return tuple(fields.projected(values, n).tolist())
 
 
@@ -150,7 +167,7 @@ def _at_random(text: str, energy: float, seed: int, n: int) -> tuple[float, ...]
     return tuple(fields.random_state(n, spectrum, energy, seed).tolist())
 
 
-def _values(text: str, names: tuple[str, ...], points: np.ndarray, right: str, *keys: str) -> np.ndarray:
+def _values(text: str, names: tuple[str, ...], points: np.ndarray, right: str, *keys: str | int) -> np.ndarray:
     """Values of an expression in some names at points (names, ...), all of them finite."""
     try:
         if other := re.search(r"\b[yY][0-9]+\b", text):  # the names of components of states

@@ -2,9 +2,8 @@
 
 import base64
 import re
-import unicodedata
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from datetime import date
 from functools import partial
 from pathlib import Path
@@ -14,120 +13,13 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from markupsafe import Markup, escape
 
 from spi import __version__, storage, views
-from spi.printing import as_csv
+from spi.printing import latex
 from spi.running.compiling import processors
 from spi.running.workers import processes
 from spi.statistics.claims import VERDICTS
 from spi.storage.records import StoredResults
 
-from .sections import ReportSection, Titled, powers, section
-
-# ---------------------------------------------------------------------------------------------------------------------
-# Plain tables as LaTeX, in the style of the package booktabs.
-# ---------------------------------------------------------------------------------------------------------------------
-
-#: More rows than that do not fit on a page; longtable breaks them.
-_MOST_LATEX_ROWS = 40
-
-_LATEX_HEAD = r"""% {name}: {title}
-% needs \usepackage{{booktabs}} and \usepackage{{longtable}}
-"""
-
-_ESCAPED = {
-    "\\": r"\textbackslash{}",
-    "^": r"\textasciicircum{}",
-    "~": r"\textasciitilde{}",
-    "<": r"\textless{}",
-    ">": r"\textgreater{}",
-    "|": r"\textbar{}",
-    **{character: f"\\{character}" for character in "&%$#_{}"},
-    "±": r"$\pm$",
-    "≤": r"$\leq$",
-    "≥": r"$\geq$",
-    "×": r"$\times$",
-    "·": r"$\cdot$",
-    "µ": r"\textmu{}",
-    "\n": " ",
-}
-
-_GREEK = (
-    *("alpha", "beta", "gamma", "delta", "varepsilon", "zeta", "eta", "theta", "iota", "kappa", "lambda", "mu", "nu"),
-    *("xi", "pi", "rho", "sigma", "tau", "upsilon", "varphi", "chi", "psi", "omega"),
-    *("Gamma", "Delta", "Theta", "Lambda", "Xi", "Pi", "Sigma", "Upsilon", "Phi", "Psi", "Omega"),
-)
-_ESCAPED |= {letter: rf"$\{name}$" for letter, name in zip("αβγδεζηθικλμνξπρστυφχψωΓΔΘΛΞΠΣΥΦΨΩ", _GREEK, strict=True)}
-
-_DECIMAL = r"\d+(?:\.\d+)?"
-_NUMBER = re.compile(
-    rf"(?<![\w.^])-?{_DECIMAL}(?:\^-?{_DECIMAL}|(?:e-?\d+)?(?: ± {_DECIMAL}(?:e-?\d+)?)?)(?![\w^])(?!\.\d)"
-)
-
-
-def document(name: str, title: str, tables: Iterable[Titled]) -> str:
-    """All tables of an experiment, each a float or, if it is long, a longtable."""
-    parts = [_table(f"tab:{name}-{number}", title, table) for number, table in enumerate(tables, 1)]
-    return "\n".join([_LATEX_HEAD.format(name=" ".join(name.split()), title=" ".join(title.split())), *parts])
-
-
-def _table(label: str, title: str, table: Titled) -> str:
-    style = table.frame.style.hide(axis="index").format(_cell).format_index(text, axis="columns")
-    long = len(table.frame) > _MOST_LATEX_ROWS
-    return style.to_latex(
-        hrules=True,
-        caption=text(": ".join(filter(None, (title, table.title)))),
-        label=re.sub(r"[^A-Za-z0-9:-]+", "-", label),
-        column_format=table.justified,
-        **({"environment": "longtable"} if long else {"position_float": "centering"}),
-    )
-
-
-def _cell(plain: str) -> str:
-    content = text(plain)
-    return f"{{{content}}}" if content.startswith("[") else content  # else an option of the line break before it
-
-
-def text(plain: str) -> str:
-    r"""A text as LaTeX: ``3.42e-3 ± 0.07e-3`` as ``$(3.42 \pm 0.07)\cdot 10^{-3}$``, ``2^-5`` as ``$2^{-5}$``.
-
-    What LaTeX would take for commands is escaped.
-    """
-    parts, end = [], 0
-    for match in _NUMBER.finditer(plain):
-        parts += [_escaped(plain[end : match.start()]), _number(match.group())]
-        end = match.end()
-    return "".join([*parts, _escaped(plain[end:])])
-
-
-def _number(text: str) -> str:
-    value, _, half = text.partition(" ± ")
-    base, power, exponent = value.partition("^")
-    if power:
-        return f"${base}^{{{exponent}}}$"
-    (digits, times), (half_digits, half_times) = _mantissa(value), _mantissa(half)
-    if not half:
-        return f"${digits}{times}$" if times or digits.startswith("-") else digits
-    if times and half_times == times:
-        return rf"$({digits} \pm {half_digits}){times}$"
-    return rf"${digits}{times} \pm {half_digits}{half_times}$"
-
-
-def _mantissa(number: str) -> tuple[str, str]:
-    """Digits of a number, and its power of ten as a factor."""
-    digits, _, exponent = number.partition("e")
-    return digits, rf"\cdot 10^{{{int(exponent)}}}" if exponent else ""
-
-
-def _escaped(plain: str) -> str:
-    return "".join(_ESCAPED.get(character) or _letter(character) for character in plain)
-
-
-def _letter(character: str) -> str:
-    """A character that LaTeX knows: Latin letters as they are, all others without their marks, or ?."""
-    if character.isascii() or unicodedata.name(character, "").startswith("LATIN"):
-        return character
-    plain = unicodedata.normalize("NFKD", character).encode("ascii", "ignore").decode()
-    return "".join(_ESCAPED.get(one, one) for one in plain) or "?"
-
+from .sections import ReportSection, html, powers, section
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Figures as they stand in a page: SVG among the HTML, or PNG where an SVG would be too large.
@@ -220,8 +112,8 @@ def files(
     """Files of a report on the results files `paths`: path -> content, to be written by ``storage.write_all``.
 
     These are the page `out`, if `short` one printed page for each experiment, and beside it for each experiment
-    ``<latex_folder>/<name>.tex`` with its tables and ``<data_folder>/<name>.csv`` with one record per point of its
-    curves, if the folders are given.
+    ``<latex_folder>/<name>.tex`` with its tables and ``<data_folder>/<name>.csv`` with its numbers, and the further
+    tables of :func:`spi.views.exports`, if the folders are given.
 
     A file that cannot be read or is of an unknown kind has a line on the page in place of its results.  StorageError,
     before anything is drawn, if there is no other, or if two have one name.
@@ -256,11 +148,13 @@ class _Part(NamedTuple):
 
 def _part(path: Path, anchored: str, latex_folder: Path | None, data_folder: Path | None) -> _Part:
     results = storage.read(path)
-    one, written = section(path, results, anchored), {}
+    one = section(path, results, anchored)
+    written: dict[Path, bytes] = {}
     if latex_folder:
-        written[latex_folder / f"{one.name}.tex"] = document(one.name, one.title, one.tables).encode()
+        written |= {latex_folder / name: text for name, text in views.exports(results, one.name, "latex").items()}
+        written[latex_folder / f"{one.name}.tex"] = latex.document(one.name, one.title, one.tables).encode()
     if data_folder:
-        written[data_folder / f"{one.name}.csv"] = as_csv(views.rows(results)).encode()
+        written |= {data_folder / name: text for name, text in views.exports(results, one.name, "csv").items()}
     return _Part(path, results, one, written)
 
 
@@ -297,7 +191,7 @@ def page(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters["powers"] = powers
+    environment.filters |= {"powers": powers, "html": html}
     totals = {verdict: sum(one.verdicts.get(verdict, 0) for one in sections) for verdict in VERDICTS}
     both = list(zip(sections, pictures, strict=True))
     return environment.get_template("page.html").render(

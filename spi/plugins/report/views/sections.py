@@ -5,36 +5,29 @@ import math
 import re
 import shlex
 from collections import Counter
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
-from markupsafe import Markup
+from latex2mathml.converter import convert
+from markupsafe import Markup, escape
 
 from spi import views
 from spi.ensemble import protocol
 from spi.kinds import KINDS
 from spi.models import MODELS
 from spi.printing import sweeps, tables
-from spi.printing.tables import StyledText, TextTable, unbroken
+from spi.printing.latex import Titled
+from spi.printing.tables import StyledText, TextTable
 from spi.printing.text import fraction, human_time, short
 from spi.running import shipped
 from spi.specs import text_of
+from spi.specs.document import Document
 from spi.statistics.claims import VERDICTS, orders_of, quantities
 from spi.statistics.curves import curves
 from spi.storage.records import StoredResults
 from spi.storage.stored import Stored, by_case
-
-if TYPE_CHECKING:  # pandas takes a while
-    from pandas import DataFrame
-
-from collections.abc import Mapping
-
-from latex2mathml.converter import convert
-from markupsafe import escape
-
-from spi.specs.document import Document
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The equation of an experiment with its parameters as MathML, which browsers draw without anything else.
@@ -118,43 +111,20 @@ def _definition(attributes: Mapping[str, Any]) -> dict[str, Any]:
     return Document(text, str).data if text else model
 
 
-class Titled(NamedTuple):
-    """A table of texts with its title."""
-
-    title: str
-    frame: "DataFrame"
-    justified: str  #: "l" or "r" for each column
-
-    @classmethod
-    def of(cls, grid: TextTable) -> "Titled":
-        """A table without the columns that are empty, heading and all, and without breaks that make a column narrow."""
-        from pandas import DataFrame
-
-        headings = [unbroken(heading) for heading in grid.headings]
-        rows = [[" ".join(text.split("\n")) for text in row] for row in grid.rows]
-        shown = [i for i, heading in enumerate(headings) if heading or any(row[i] for row in rows)]
-        frame = DataFrame(
-            [[row[i] for i in shown] for row in rows],
-            columns=[headings[i] for i in shown],
-            dtype=object,
+def html(table: Titled) -> Markup:
+    """Table as HTML."""
+    sides = [" class=l" if side == "l" else "" for side in table.justified]
+    head = Markup("").join(
+        Markup(f"<th{side}>{{}}</th>").format(text) for side, text in zip(sides, table.frame.columns, strict=True)
+    )
+    rows = [
+        Markup("").join(
+            Markup(f"<td{side}>{{}}</td>").format(powers(text)) for side, text in zip(sides, row, strict=True)
         )
-        return cls(grid.title, frame, "".join("l" if i < grid.left else "r" for i in shown))
-
-    @property
-    def html(self) -> Markup:
-        """Table as HTML."""
-        sides = [" class=l" if side == "l" else "" for side in self.justified]
-        head = Markup("").join(
-            Markup(f"<th{side}>{{}}</th>").format(text) for side, text in zip(sides, self.frame.columns, strict=True)
-        )
-        rows = [
-            Markup("").join(
-                Markup(f"<td{side}>{{}}</td>").format(powers(text)) for side, text in zip(sides, row, strict=True)
-            )
-            for row in self.frame.itertuples(index=False, name=None)
-        ]
-        body = Markup("\n").join(Markup("<tr>{}</tr>").format(row) for row in rows)
-        return Markup("<table><thead><tr>{}</tr></thead>\n<tbody>{}</tbody></table>").format(head, body)
+        for row in table.frame.itertuples(index=False, name=None)
+    ]
+    body = Markup("\n").join(Markup("<tr>{}</tr>").format(row) for row in rows)
+    return Markup("<table><thead><tr>{}</tr></thead>\n<tbody>{}</tbody></table>").format(head, body)
 
 
 Facts = list[tuple[str, str]]  #: name and value
@@ -266,7 +236,7 @@ def section(path: Path, results: StoredResults, anchor: str) -> ReportSection:
 
 def _items(results: StoredResults) -> Iterator[Titled | str]:
     """Tables and lines of `spi show`, those of claims among them."""
-    for items, judged in views.by_cases(results):
+    for items, judged in views.by_cases(results, everything=True):
         for item in [*items, *[tables.grid(judged)] * bool(judged)]:
             yield Titled.of(item) if isinstance(item, TextTable) else item.text
 

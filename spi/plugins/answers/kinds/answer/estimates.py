@@ -17,13 +17,13 @@ from spi.ensemble.areas import fourier_terms
 from spi.ensemble.increments import RandomStream, points_of
 from spi.ensemble.loop import grid
 from spi.exact.work import work as working
-from spi.kinds.blocks import DIFFERENCE, POWERS, VALUE, Sample, two_steps, values_of_blocks
+from spi.kinds.blocks import DIFFERENCE, POWERS, VALUE, Sample, two_steps, values_at_end
 from spi.kinds.plans import KernelCall, State
 from spi.schemes import typical_ns, weak_exponents
 from spi.schemes.splitting import has_antithetic_path
 from spi.statistics.accumulators import Array, Sums, moments
 from spi.statistics.estimators import weights
-from spi.statistics.tallies import Chunk
+from spi.statistics.tallies import Batch, Chunk
 from spi.storage.records import Part
 
 from . import planner
@@ -165,11 +165,11 @@ class EstimatingPlan(SolvingPlan):
                         call.kernel(*call.arguments)
         yield from super().advance(chunks, started)
 
-    def values(self, number: int, first: int, blocks: int, end: int) -> np.ndarray:
-        """Values of the test functions at the end of some blocks."""
-        times, noise = self.sets[number].grid, self.noise(number)
-        plans = self.schemes_of(SetOf.of(number))
-        return np.concatenate([values_of_blocks(plan, times, noise, first, blocks, end)[0] for plan in plans], axis=1)
+    def values(self, batch: Batch) -> np.ndarray:
+        """Values of the test functions at the end of a batch."""
+        times, noise = self.sets[batch.path_set].grid, self.noise(batch.path_set)
+        plans = self.schemes_of(SetOf.of(batch.path_set))
+        return np.concatenate([values_at_end(plan, times, noise, batch)[0] for plan in plans], axis=1)
 
     # -----------------------------------------------------------------------------------------------------------------
     # Estimates from the sums over path sets.

@@ -14,12 +14,18 @@ from .results import Answer, Chosen
 _LOOKS = (("#0072B2", "o"), ("#D55E00", "s"), ("#009E73", "D"), ("#CC79A7", "^"), ("#E69F00", "v"), ("#56B4E9", "P"))
 
 
-def _answers(readings: Sequence[Answer], looks: style.Looks) -> Iterator[plots.Plot]:
-    """Estimates and differences of levels, or the values where nothing was sampled."""
+def _all_estimates(readings: Sequence[Answer], looks: style.Looks) -> Iterator[plots.Plot]:
+    """Estimates of each function, or the values where nothing was sampled."""
     for one in readings:
         if one.chosen:
             yield from (_estimates(one, one.chosen, f, name) for f, name in enumerate(_names(one)))
-        yield _levels(one, one.chosen) if one.chosen else _values(one)
+        else:
+            yield _values(one)
+
+
+def _differences(readings: Sequence[Answer], looks: style.Looks) -> Iterator[plots.Plot]:
+    """Differences of levels, where there are any."""
+    return (_levels(one, one.chosen) for one in readings if one.chosen)
 
 
 def _look(f: int) -> dict[str, Any]:
@@ -78,4 +84,6 @@ def _values(one: Answer) -> plots.Plot:
     return plots.Plot(lines, y=r"$\mathrm{E}\,\varphi(y(T))$", xlim=(-0.5, len(place) - 0.5), own=own)
 
 
-draw = panels.Figures({"answers": [panels.OwnPanels(_answers)]}, ("accuracy",))
+PANELS = {"estimates": [panels.OwnPanels(_all_estimates)], "levels": [panels.OwnPanels(_differences)]}
+
+draw = panels.Figures(PANELS, ("accuracy",))

@@ -4,11 +4,11 @@ import math
 from collections.abc import Sequence
 from functools import reduce
 from itertools import groupby
-from typing import Annotated, Any, ClassVar, Self
+from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 import pydantic
-from annotated_types import Ge
+from annotated_types import Ge, MinLen
 
 from spi.ensemble.protocol import Positive, flows_lacking, large
 from spi.expressions import as_numpy
@@ -36,7 +36,9 @@ from spi.specs.naming import as_yaml, with_numbers
 from spi.specs.sweep import versions
 from spi.statistics.claims import claimable
 
-from .results import Answer
+from .results import PANELS, Answer
+
+AnswerPanels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 
 #: The default schemes, the first tuple that a model can have: exact flows, or schemes without any.
 CANDIDATES = (("splitting_order2", "splitting_symmetric"), ("munthe_kaas_midpoint",), ("euler_maruyama",))
@@ -70,10 +72,15 @@ class Case(FunctionKeys, BaseCase):
     ) = None
     sampling: key_of(pydantic.StrictBool, "sample, though the expectation may be known without it") = False
     seconds: key_of(Positive, "what it may take at most, in seconds of one thread of typical speed", "seconds") = 3600.0
+    panels: key_of(AnswerPanels, f"what the figure shows, some of {', '.join(PANELS)}; default: both") = PANELS
 
+    example: ClassVar[str] = """\
+final_time: 1
+functions: {phi: y1^2}
+accuracy: 1e-4
+"""
     driven: ClassVar[bool] = False
     truncate_noise: ClassVar[bool] = False
-    panels: ClassVar[tuple] = ()
     unsaid: ClassVar = {**BaseCase.unsaid, "extrapolate": (0,)}
     quantities: ClassVar = claimable(Answer)
     scoping: ClassVar = ("functions",)

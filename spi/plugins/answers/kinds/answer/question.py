@@ -13,12 +13,12 @@ from spi.exact.expectations import can_solve, demands
 from spi.exact.linear import MomentEquations
 from spi.expressions import as_numpy, canonical, range_of
 from spi.expressions.summands import hidden_summands, is_plain, unbounded_rest
-from spi.kinds.blocks import SamplesPlan
+from spi.kinds.blocks import LevelPlan
 from spi.kinds.linear import linear_moments
 
 
 @dataclass(frozen=True, kw_only=True)
-class QuestionPlan(SamplesPlan):
+class QuestionPlan(LevelPlan):
     """Functions of a case with their ranges, and their moments where these are all that it takes."""
 
     python: tuple[tuple[str, Callable], ...] = ()  #: Python functions by name, in place of formulas of the case

@@ -8,6 +8,9 @@ import numpy as np
 from spi.printing.text import human_time, power_of_two, readable, short, with_interval
 from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
+#: The panels of the figure; where nothing is sampled there are estimates alone, the values.
+PANELS = ("estimates", "levels")
+
 
 class SampledDifferences(Described):
     """Differences between neighbouring steps that were sampled, from large to small steps."""
@@ -19,6 +22,11 @@ class SampledDifferences(Described):
     variance: Array = array("function level", "variance of the difference")
     kurtosis: Array = array("function level", "kurtosis of the difference")
     samples: Array = array("level", "samples of the difference")
+
+    @derived("function level", "standard error of the mean")
+    def mean_stderr(self) -> Array:
+        """(F, levels) of the field `stderr`."""
+        return self.stderr
 
 
 class Chosen(Described):
@@ -73,6 +81,7 @@ class Answer(Stored):
     reached: bool = fact("whether the interval is as narrow as was aimed at, and the check passed", column=True)
     why: str = fact("what else might have been chosen, and what it would have taken")
     warnings: tuple[str, ...] = fact("what a person should know", default=())
+    panels: tuple[str, ...] = fact("what the figure of the case shows", default=PANELS)
     formulas: tuple[str, ...] = fact("formulas of the test functions in y1, y2, ...", name="functions")
     cpu_seconds: float = fact("processor time", "s", column=True)
     pilot_seconds: float = fact("of it for the pilot", "s", default=0.0)

@@ -192,18 +192,21 @@ class AnswerPlan(AllocatingPlan):
             yield f"heavy tails: the kurtosis of a level is {heavy:.3g}, so that intervals may be too narrow"
         if not outcome.passed and np.isfinite(outcome.value).all():
             yield "one step finer differs by more than the bias that is stated; the interval may be too narrow"
-        if outcome.unresolved.any():
-            equal, few = "all values that were seen are equal", "a few samples have nearly all of the variance"
-            for seen, which in ((equal, outcome.unresolved & ~outcome.few), (few, outcome.few)):
-                if names := [name for name, so in zip(case.functions, which, strict=True) if so]:
-                    reason = f"{seen}, and how far off others can be is not known from the formula"
-                    yield f"not resolved: {joined(names)}; {reason}"
+        yield from self._unresolved(outcome)
         if lost := [name for name, x in zip(case.functions, outcome.value, strict=True) if not math.isfinite(x)]:
             yield f"not finite: {joined(lost)}; paths diverged"
         if other and not other.agrees:
             off = f"{short(np.abs(other.left).max())} +- {short(INTERVAL * other.stderr.max())}"
             limits = f"{chosen.scheme} and {other.reference} have other limits, {off} apart on the same noise"
             yield f"{limits}: one of them is not a scheme for this equation"
+
+    def _unresolved(self, outcome: Outcome) -> Iterator[str]:
+        """Warnings about functions in which rare values may hide."""
+        equal, few = "all values that were seen are equal", "a few samples have nearly all of the variance"
+        for seen, which in ((equal, outcome.unresolved & ~outcome.few), (few, outcome.few)):
+            if names := [name for name, so in zip(self.case.functions, which, strict=True) if so]:
+                reason = f"{seen}, and how far off others can be is not known from the formula"
+                yield f"not resolved: {joined(names)}; {reason}"
 
     def _obstacle(self, extra: Decisions, outcome: Outcome) -> str:
         """The reason why an interval is wider than the accuracy, as the end of a sentence."""

@@ -31,6 +31,16 @@ class Case(FunctionsCase):
     accurate: key_of(Positive, "errors relative to |y_0| up to this count as accurate") = 0.1
     panels: key_of(StabilityPanels, f"what the figure shows, some of {', '.join(PANELS)}") = ("regimes",)
 
+    example: ClassVar[str] = """\
+model: {sigma: [s, s, s]}
+sweep: {s: [0.1, 0.3, 1, 3, 10]}
+final_time: 4
+steps: 2^1 .. 2^-6
+reference_step: 2^-8
+schemes: [splitting, euler_maruyama]
+samples: 500
+panels: [regimes]
+"""
     listed_under: ClassVar[str] = "stability"
     bounded_increments: ClassVar[bool] = False
     neutral: ClassVar[frozenset[str]] = FunctionsCase.neutral | {"accurate"}

@@ -21,9 +21,9 @@ from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT
 from spi.exact.expectations import can_solve_equation, exact_expectations, seconds_of_equation
 from spi.expressions import as_numpy, canonical
-from spi.kinds.blocks import BlocksPlan, lanes_of, reported
+from spi.kinds.blocks import SampledPlan, lanes_of, reported
 from spi.kinds.plans import PartCost, State, Task, each_scheme, reference_grid
-from spi.statistics.accumulators import Array, Sums, joined, reports
+from spi.statistics.accumulators import Array, Batch, Sums, joined, reports
 from spi.statistics.estimators import stderr_of_mean
 from spi.statistics.rounding import size_of_values, with_rounding
 from spi.storage.stored import Description
@@ -101,7 +101,7 @@ parts = each_scheme
 
 
 @dataclass(frozen=True, kw_only=True)
-class StabilityPlan(BlocksPlan):
+class StabilityPlan(SampledPlan):
     """Paths of one scheme at all step sizes, for one value of the swept parameter."""
 
     record, sums = Stability, PathExtremes
@@ -141,10 +141,10 @@ class StabilityPlan(BlocksPlan):
         conserved = len(casimirs(self.model, self.initial))
         return {"level": len(self.steps), "casimir": conserved, "component": len(self.initial)}
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> dict[str, Array]:
-        """Contributions of some blocks."""
-        observer = path_observer(self.model, self.initial, self.grid, blocks, sizes=True)
-        states, report = self.integrated(first, blocks, end, observer)
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        """Contributions of a batch."""
+        observer = path_observer(self.model, self.initial, self.grid, batch.blocks, sizes=True)
+        states, report = self.integrated(batch, observer)
         extremes = observer.extremes
         watched = {"casimir": extremes[:, :, :-2], "square": extremes[:, :, -2], "smallest": extremes[:, :, -1]}
         return watched | {"y": lanes_of(states, len(self.initial)), "report": report}

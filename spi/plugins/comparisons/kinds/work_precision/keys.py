@@ -1,6 +1,6 @@
 """Keys of an experiment of kind work_precision."""
 
-from typing import Annotated, ClassVar, Self
+from typing import Annotated, ClassVar, Literal, Self
 
 from annotated_types import Ge, Le, MinLen
 
@@ -10,9 +10,10 @@ from spi.kinds.weak.study import ESTIMATORS
 from spi.specs.keys import condition, key_of, wrong
 from spi.statistics.claims import claimable
 
-from .results import WorkPrecision
+from .results import PANELS, WorkPrecision
 
 Targets = Annotated[tuple[Positive, ...], MinLen(1)]
+WorkPanels = Annotated[tuple[Literal[PANELS], ...], MinLen(1)]
 Repeats = Annotated[int, Ge(3), Le(1000)]
 
 
@@ -23,11 +24,20 @@ class Case(SampledCase):
         Targets | None, "errors for which the cheapest scheme is asked; default: powers of ten", "state or value"
     ) = None
     repeats: key_of(Repeats, "how often each step size is timed; the median counts") = 15
+    panels: key_of(WorkPanels, f"what the figure shows, some of {', '.join(PANELS)}; default: both") = PANELS
 
+    example: ClassVar[str] = """\
+final_time: 1
+steps: 2^-2 .. 2^-8
+reference_step: 2^-11
+truncate_noise: true
+schemes: [splitting, euler_maruyama, midpoint]
+samples: 200
+targets: [0.1, 0.05]
+"""
     driven: ClassVar[bool] = False
     prefixes: ClassVar[None] = None
-    panels: ClassVar[tuple] = ()
-    distinct: ClassVar = ("targets",)
+    distinct: ClassVar = ("panels", "targets")
     neutral: ClassVar[frozenset[str]] = SampledCase.neutral | {"targets"}
     quantities: ClassVar = claimable(WorkPrecision)
 

@@ -14,6 +14,9 @@ from spi.printing.text import duration, readable, short
 from spi.storage.records import Order
 from spi.storage.stored import Array, Claimed, Stored, array, axis, derived, fact
 
+#: The panels of the figure.
+PANELS = ("errors", "casimirs")
+
 
 class WorkCurve(NamedTuple):
     """Errors of one scheme and what they cost at each step size; all arrays have shape (steps,)."""
@@ -167,7 +170,7 @@ class WorkPrecision(Stored):
                 Column("nonfinite", "di-\nverged", red=0),
             ],
         ),
-        OwnTable(lambda title, readings: _requested(readings)),
+        OwnTable(lambda title, readings, everything: _requested(readings)),
     )
 
     h: Array = axis("step size", "time")
@@ -200,6 +203,7 @@ class WorkPrecision(Stored):
     reference_nonfinite: int = fact("diverged paths of the reference (NaN or infinity)", default=0)
     left_out: tuple[str, ...] = fact("schemes of the case that no estimator of it can do", default=())
     note: str = fact("what is to be said of the errors", default="")
+    panels: tuple[str, ...] = fact("what the figure of the case shows", default=PANELS)
 
     def __post_init__(self) -> None:
         if self.error_stderr is None and self.error_bound is None:

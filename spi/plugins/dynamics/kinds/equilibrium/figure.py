@@ -9,6 +9,7 @@ import numpy as np
 from spi.drawing import panels, plots, style
 from spi.plugins.dynamics.drawing import maps
 from spi.plugins.dynamics.kinds.long_paths.figure import ACCEPTANCE, GROWTH
+from spi.specs.panels import Panels
 
 from .results import Equilibrium
 
@@ -113,4 +114,5 @@ PANELS: dict[str, Any] = {
 }
 
 
-draw = panels.Figures(PANELS, ("samples",))
+#: What plug-ins draw of means over paths they draw of means over time as well.
+draw = panels.Figures(Panels("statistics", PANELS), ("samples",))

@@ -1,7 +1,7 @@
 """Keys of an experiment of kind equilibrium."""
 
 from collections.abc import Mapping
-from typing import Annotated, Any, ClassVar, Literal, Self
+from typing import Annotated, Any, ClassVar, Self
 
 import numpy as np
 from annotated_types import Ge, Le
@@ -18,14 +18,14 @@ from spi.plugins.dynamics.kinds.references import EXACT, FINEST
 from spi.specs.cases import with_others
 from spi.specs.checks import ROUNDING, check_count, check_multiple
 from spi.specs.keys import Functions, condition, key_of, quantity, shown, wrong
-from spi.specs.names import CodeKeys
+from spi.specs.names import CodeKeys, numbers_of
+from spi.specs.panels import check_further, panels_of, words
 from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 
 from .references import REFERENCES, derived_quantity
 from .results import PANELS, Equilibrium
 
-EquilibriumPanels = tuple[Literal[PANELS], ...]
 Reference = Annotated[dict[str, str], BeforeValidator(lambda value: {"": value} if isinstance(value, str) else value)]
 
 _MOST_SNAPSHOTS = 4096  # of each path, unless a spacing is given
@@ -47,8 +47,8 @@ class Case(CodeKeys, LongCase):
     ) = Field(default_factory=dict)
     derived: key_of(
         Functions,
-        "by name an expression in the means of functions and T, as in {binder: 1 - m4/(3*m2^2)}, with errors by the "
-        "jackknife",
+        "by name an expression in the means of functions, T and the numbers of the model (n sites of spins), as in "
+        "{binder: 1 - m4/(3*m2^2)}, with errors by the jackknife",
     ) = Field(default_factory=dict)
     burn_in: key_of(NonNegative | None, "time that does not count for functions; default: a fifth", "time") = None
     spacing: key_of(
@@ -66,10 +66,20 @@ class Case(CodeKeys, LongCase):
     ) = Field(default_factory=dict)
     accuracy: key_of(Positive | None, "bias and standard error for which the table says step size and time") = None
     panels: key_of(
-        EquilibriumPanels,
-        f"what the figure shows, some of {', '.join(PANELS)}; default: means, histogram and autocorrelation",
+        panels_of("statistics", PANELS, 0),
+        f"what the figure shows, some of {', '.join(words('statistics', PANELS))}; "
+        "default: means, histogram and autocorrelation",
     ) = ()
 
+    example: ClassVar[str] = """\
+temperature: 1/4
+steps: 2^0 .. 2^-3
+final_time: 2^10
+schemes: [splitting_symmetric, splitting_metropolis]
+samples: 500
+functions: {energy: H, square: y3^2}
+reference: exact
+"""
     swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Equilibrium)
     scoping: ClassVar = ("functions", "derived")
@@ -138,9 +148,10 @@ class Case(CodeKeys, LongCase):
             check_function(self, name, text)
         if both := self.derived.keys() & functions.keys():
             raise wrong("is the name of a function", "take another name", "derived", min(both))
+        numbers = numbers_of(self)
         for name, text in self.derived.items():
             try:
-                derived_quantity(text, tuple(functions))
+                derived_quantity(text, tuple(functions), numbers)
             except NumberError as error:
                 right = f"must be an expression in {', '.join(functions)} and T"
                 raise wrong(f"is {shown(text)} ({error})", right, "derived", name) from None
@@ -180,4 +191,7 @@ class Case(CodeKeys, LongCase):
     @condition
     def _check_panels(self) -> Self:
         """Case with the panels of its figure."""
+        if "derived" in self.panels and not self.derived:
+            raise wrong("has 'derived', and the key derived is missing", "add derived:", "panels")
+        check_further("statistics", self)
         return self if self.panels else self.model_copy(update={"panels": PANELS[:3]})

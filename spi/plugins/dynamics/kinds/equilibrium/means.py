@@ -11,8 +11,9 @@ from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.plugins.dynamics.kinds.long_paths.paths import LongPaths
 from spi.plugins.dynamics.statistics import correlation
 from spi.plugins.dynamics.statistics.cells import range_of
+from spi.specs.names import numbers_of
 from spi.statistics import estimators
-from spi.statistics.accumulators import Array, added, of_first
+from spi.statistics.accumulators import Array, Batch, added, of_first
 from spi.statistics.rounding import is_rounding, size_of_values, with_rounding
 from spi.storage.records import Order, student
 
@@ -141,8 +142,8 @@ class FunctionRecorder(NamedTuple):
         """(F,): the functions of a state, less their origins."""
         return evaluated(self.functions, state[:, np.newaxis])[:, 0] - self.origins
 
-    def recorded(self, paths: RecordedPaths, values: Array, n: int, first: int, end: int) -> RecordedPaths:
-        """Paths, after n steps, with further values (F, blocks, LANES, K), the first block being number `first`."""
+    def recorded(self, paths: RecordedPaths, values: Array, n: int, batch: Batch) -> RecordedPaths:
+        """Paths of a batch, after n steps, with further values (F, blocks, LANES, K)."""
         begin: int = max(0, n // self.series.stride - self.series.first)
         count: int = values.shape[-1]
         if not count:
@@ -153,29 +154,29 @@ class FunctionRecorder(NamedTuple):
         }
         paths, lags = paths._replace(**copied), self.series.lags
         size = self.series.used // self.series.batches
-        for batch in range(begin // size, -(-(begin + count) // size)):
-            some = values[..., max(0, batch * size - begin) : (batch + 1) * size - begin]
-            paths.batches[..., batch] += some.sum(axis=-1)
-            paths.squares[..., batch] += (some**2).sum(axis=-1)
+        for i in range(begin // size, -(-(begin + count) // size)):
+            some = values[..., max(0, i * size - begin) : (i + 1) * size - begin]
+            paths.batches[..., i] += some.sum(axis=-1)
+            paths.squares[..., i] += (some**2).sum(axis=-1)
         if self.keeps:
             paths.series[:, begin : begin + count] = values[:, 0, 0]
         else:
-            self._count_all(paths.cells, values, first, end)
+            self._count_all(paths.cells, values, batch)
         while count:
             place = begin % lags
             taken = min(count, lags - place)
             paths.stretch[..., lags + place : lags + place + taken] = values[..., :taken]
             begin, count, values = begin + taken, count - taken, values[..., taken:]
             if begin % lags == 0:
-                self._correlate(paths, begin == lags, first, end)
+                self._correlate(paths, begin == lags, batch)
         return paths
 
-    def _count_all(self, cells: Array, values: Array, first: int, end: int) -> None:
+    def _count_all(self, cells: Array, values: Array, batch: Batch) -> None:
         """Count values (F, blocks, LANES, K) in cells (F, ...)."""
         for f in range(len(values)):
-            self._count(cells[f], values[f], f, first, end)
+            self._count(cells[f], values[f], f, batch)
 
-    def _count(self, cells: Array, values: Array, f: int, first: int, end: int) -> None:
+    def _count(self, cells: Array, values: Array, f: int, batch: Batch) -> None:
         """Count values of a function in its cells: below all bins or NaN, in each, and above all."""
         with np.errstate(all="ignore"):
             places = values * (1 / self.width[f])
@@ -184,38 +185,38 @@ class FunctionRecorder(NamedTuple):
         size = self.bins + 2
         places += size * np.arange(LANES)[:, np.newaxis]
         counts = np.array([np.bincount(row.ravel(), minlength=size * LANES) for row in places])
-        cells += estimators.by_group(counts.reshape(-1, LANES, size), first, end)
+        cells += estimators.by_group(counts.reshape(-1, LANES, size), batch)
 
-    def _correlate(self, paths: RecordedPaths, is_first: bool, first: int, end: int) -> None:
+    def _correlate(self, paths: RecordedPaths, is_first: bool, batch: Batch) -> None:
         """Add the products of a full stretch with itself and with the one before it, which it then replaces."""
         lags = self.series.lags
         for f, both in enumerate(paths.stretch):
-            spectrum = estimators.by_group(correlation.lagged_products(both[..., :lags], both[..., lags:]), first, end)
+            spectrum = estimators.by_group(correlation.lagged_products(both[..., :lags], both[..., lags:]), batch)
             paths.lagged[f] += np.moveaxis(correlation.lagged_sums(np.moveaxis(spectrum, -1, 0)), 0, -1)
             if is_first:
-                paths.ends[f, 1:] -= estimators.by_group(np.cumsum(both[..., lags : 2 * lags - 1], axis=-1), first, end)
+                paths.ends[f, 1:] -= estimators.by_group(np.cumsum(both[..., lags : 2 * lags - 1], axis=-1), batch)
         paths.stretch[..., :lags] = paths.stretch[..., lags:]
         paths.stretch[..., lags:] = 0.0
 
-    def finished(self, paths: RecordedPaths, first: int, end: int) -> dict[str, Any]:
+    def finished(self, paths: RecordedPaths, batch: Batch) -> dict[str, Any]:
         """The fields of :class:`RecordedPaths` with sums over groups alone, once all steps are done."""
         lags, used = self.series.lags, self.series.used
         paths = paths._replace(**{name: getattr(paths, name).copy() for name in ("stretch", "lagged", "ends", "cells")})
         if self.keeps:
             kept = np.broadcast_to(paths.series[:, np.newaxis, np.newaxis], (len(self.functions), 1, LANES, used))
-            self.with_bins_of(paths.series)._count_all(paths.cells, kept, first, end)
+            self.with_bins_of(paths.series)._count_all(paths.cells, kept, batch)
         over = used % lags
         last = paths.stretch[..., over : over + lags].copy()  # the last ones, the latest at the end
         if over:
-            self._correlate(paths, False, first, end)
+            self._correlate(paths, False, batch)
         of_batches = paths.batches / (used // self.series.batches)
         mean = of_batches.mean(axis=-1)
         half = self.series.batches // 2
         drift = of_batches[..., half:].mean(axis=-1) - of_batches[..., :half].mean(axis=-1)
         for f in range(len(self.functions)):
             ending = np.cumsum(last[f, ..., :0:-1], axis=-1)
-            paths.ends[f] += 2 * used * estimators.by_group(mean[f], first, end)
-            paths.ends[f, 1:] -= estimators.by_group(ending, first, end)
+            paths.ends[f] += 2 * used * estimators.by_group(mean[f], batch)
+            paths.ends[f, 1:] -= estimators.by_group(ending, batch)
         of_paths = {
             "mean": mean,
             "mean_square": mean**2,
@@ -225,15 +226,15 @@ class FunctionRecorder(NamedTuple):
         }
         of_time = {"by_batch": of_batches, "square_by_batch": paths.squares / (used // self.series.batches)}
         return (
-            {name: _summed(values, first, end) for name, values in of_paths.items()}
-            | {name: _summed(values, first, end).sum(axis=-1) for name, values in of_time.items()}
+            {name: _summed(values, batch) for name, values in of_paths.items()}
+            | {name: _summed(values, batch).sum(axis=-1) for name, values in of_time.items()}
             | {name: getattr(paths, name) for name in ("lagged", "ends", "cells")}
         )
 
 
-def _summed(values: Array, first: int, end: int) -> Array:
+def _summed(values: Array, batch: Batch) -> Array:
     """(F, ..., GROUPS): sums over groups of values (F, blocks, LANES, ...)."""
-    return np.array([estimators.by_group(each, first, end) for each in values])
+    return np.array([estimators.by_group(each, batch) for each in values])
 
 
 def bins_around(values: Array, bins: int) -> tuple[Array, Array]:
@@ -403,7 +404,7 @@ def _of_columns(formula: Callable[[Array, float], Array], case: Any) -> Callable
 def _derived(recorders: Sequence[FunctionRecorder], case: Any, totals: Sequence[RecordedPaths]) -> DerivedQuantities:
     """Quantities that follow from means, with the jackknife over groups of paths, of few or equal ones over batches."""
     names, found = tuple(case.functions), []
-    formulas = [derived_quantity(text, names) for text in case.derived.values()]
+    formulas = [derived_quantity(text, names, numbers_of(case)) for text in case.derived.values()]
     for recorder, paths in zip(recorders, totals, strict=True):
         counts = estimators.group_counts(case.samples)
         mean, without = estimators.mean_over_paths(paths.mean, counts)

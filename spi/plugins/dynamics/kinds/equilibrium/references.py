@@ -1,7 +1,8 @@
 """References for means at equilibrium: numbers, the Gibbs law by quadrature, or the smallest step size."""
 
 import functools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -78,16 +79,23 @@ def _shares(
         return np.full(len(edges) - 1, np.nan)
 
 
-def derived_quantity(text: str, names: tuple[str, ...]) -> Callable[[np.ndarray, float], np.ndarray]:
-    """The function of means (..., F) and T that a formula in names of functions and T is; NumberError if it is none."""
-    tree = parse_expression(text, len(names) + 1, (*names, "T"))
+def derived_quantity(
+    text: str, names: tuple[str, ...], numbers: Mapping[str, float] = MappingProxyType({})
+) -> Callable[[np.ndarray, float], np.ndarray]:
+    """The function of means (..., F) and T that a formula in names of functions, T and `numbers` of the model is.
+
+    NumberError if it is none.
+    """
+    others = [name for name in numbers if name not in (*names, "T")]
+    tree = parse_expression(text, len(names) + 1 + len(others), (*names, "T", *others))
     if is_constant(tree):
         raise NumberError("a constant")
     values = as_numpy(tree)
 
     def quantity(means: np.ndarray, temperature: float) -> np.ndarray:
         columns = np.moveaxis(np.atleast_2d(means), -1, 0)
-        found = np.asarray(values(np.concatenate([columns, np.full_like(columns[:1], temperature)])))
+        fixed = [temperature, *(float(numbers[name]) for name in others)]
+        found = np.asarray(values(np.concatenate([columns, *(np.full_like(columns[:1], one) for one in fixed)])))
         return found.reshape(means.shape[:-1])
 
     return quantity

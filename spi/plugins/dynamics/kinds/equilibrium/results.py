@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from spi.plugins.dynamics.kinds.long_paths.results import CASIMIRS, LongRecord, count
+from spi.plugins.dynamics.kinds.long_paths.results import CASIMIRS, LongRecord, count, kept_casimirs
 from spi.plugins.dynamics.statistics.correlation import WINDOW
 from spi.printing.tables import Column, Table
 from spi.printing.text import HEAVY, decimal, interval_text, short
@@ -98,7 +98,7 @@ class Averages(Described):
         """(S, F) the standard error from which intervals are computed."""
         return np.where(np.isfinite(self.stderr_paths), self.stderr_paths, self.stderr_tau)
 
-    @derived("h function", "mean less the reference", name="average_bias")
+    @derived("h function", "mean less the reference", name="average_bias", column="average_bias")
     def bias(self) -> Array:
         """(S, F) means less the reference."""
         return self.average - self.reference
@@ -113,7 +113,12 @@ class Averages(Described):
         """(F,) which functions are constant up to rounding at all step sizes, and have no autocorrelation time."""
         return np.isnan(self.tau).all(axis=0) & (self.variance >= 0).all(axis=0)
 
-    @derived("h function", "bias in standard errors", claim=Claimed("at most", absolute=True, where="has_reference"))
+    @derived(
+        "h function",
+        "bias in standard errors",
+        column="deviation",
+        claim=Claimed("at most", absolute=True, where="has_reference"),
+    )
     def deviation(self) -> Array:
         """(S, F) the bias in standard errors."""
         return in_standard_errors(self.bias, self.bias_stderr)
@@ -128,6 +133,12 @@ class Averages(Described):
         """(F,) by which the variance is the response; NaN without a temperature."""
         return np.array([self.response(f)[1] for f in range(len(self.functions))], float)
 
+    @derived("h function cell", "middle of the cell", column="cell_middle")
+    def cell_middle(self) -> Array:
+        """(S, F, cells) values of the functions."""
+        places = np.arange(self.density.shape[-1]) + 0.5
+        return self.cell_low[..., np.newaxis] + self.cell_width[..., np.newaxis] * places
+
     @derived("h function", "half the interval of the bias of the mean", name="average_bias_half")
     def bias_half(self) -> Array:
         """(S, F) by the factor of the interval of the mean."""
@@ -138,6 +149,7 @@ class Averages(Described):
     @derived(
         "h function",
         "heat capacity Var H / T^2, or susceptibility Var f / T",
+        column="responses",
         claim=(
             Claimed("equal", "heat_capacity", expected="response_exact", where="of_energy"),
             Claimed("equal", "susceptibility", expected="response_exact", where="of_others"),
@@ -152,7 +164,7 @@ class Averages(Described):
         """(S, F)."""
         return np.abs(self.factors) * self.variance_stderr
 
-    @derived("function", "exact response")
+    @derived("function", "exact response", column="response_exact")
     def response_exact(self) -> Array:
         """(F,) NaN where it is not known."""
         return self.factors * self.reference_variance
@@ -198,13 +210,13 @@ def _time_text(value: float, low: float, high: float) -> str:
 class Equilibrium(LongRecord):
     """Means over time of functions along the paths of one scheme, at several step sizes."""
 
-    headline = ("casimir_worst", "growth", "average")
+    headline = ("derived", "average", "casimir_worst", "growth")
     measures = (
         r"The bias of a mean is the mean of $f(y_n)$ over long paths less that under the stationary law; the growth of "
         r"a Casimir error is $p$ in $\mathrm{rms} = C n^p$ after $n$ steps."
     )
     tables = (
-        CASIMIRS,
+        Table("quantity h", [Column("derived", "value (95 %)", form=".5g")], title="quantities that follow"),
         Table(
             "function h",
             [
@@ -216,9 +228,9 @@ class Equilibrium(LongRecord):
             ],
             title="means over time",
         ),
-        Table("quantity h", [Column("derived", "value (95 %)", form=".5g")], title="quantities that follow"),
+        CASIMIRS._replace(title="errors of the Casimir functions", instead=kept_casimirs),
     )
-    row_columns = ("casimir", "function")
+    row_axes = ("h", "function")
 
     averages: Averages
     accuracy: float | None = fact("bias and standard error that are wanted", default=None)

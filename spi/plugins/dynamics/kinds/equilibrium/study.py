@@ -20,7 +20,7 @@ from spi.plugins.dynamics.kinds.long_paths.study import CHUNK_BLOCKS, LongPlan
 from spi.plugins.dynamics.kinds.references import EXACT
 from spi.statistics.estimators import GROUPS
 from spi.statistics.rounding import size_of_values
-from spi.statistics.tallies import Chunk
+from spi.statistics.tallies import Batch, Chunk
 
 from . import means
 from .results import Equilibrium
@@ -50,7 +50,8 @@ class EquilibriumPlan(LongPlan):
     def _bins(self, number: int) -> tuple[Array, Array]:
         """(low, width), (F,) each, of the bins of the functions, from values of the first block."""
         steps = min(self.case.counts[number], _PILOT)
-        y, _, _ = self.integrated(self._begun(number, 1, 0), number, steps, 0, LANES, max(1, steps // 256))
+        first = Batch.of_first(1, number)
+        y, _, _ = self.integrated(first, self._states_at_start(first), 0, steps, max(1, steps // 256))
         states = np.moveaxis(y.reshape(y.shape[1], -1, self.lanes)[y.shape[1] // 2 :], 1, 0)
         values = evaluated(self.case.path_functions, states)
         return means.bins_around(values.reshape(len(values), -1), self.case.bins)
@@ -90,7 +91,7 @@ class EquilibriumPlan(LongPlan):
         """Paths with the values of functions at the stored states."""
         recorder = self.recorders[chunk.path_set]
         values = recorder.values(stored, before, self.lanes)
-        return recorder.recorded(paths, values, before, chunk.first, chunk.end)
+        return recorder.recorded(paths, values, before, chunk.batch)
 
     def look(self, number: int, n: int, state: Array) -> Sequence[Array]:
         """(F,) the functions of one large lattice, if its state counts."""
@@ -103,11 +104,11 @@ class EquilibriumPlan(LongPlan):
         """Path with values of functions."""
         values = np.transpose(looks)[:, np.newaxis, np.newaxis]
         in_lanes = np.broadcast_to(values, (len(values), 1, LANES, len(looks)))
-        return self.recorders[chunk.path_set].recorded(paths, in_lanes, before, chunk.first, chunk.end)
+        return self.recorders[chunk.path_set].recorded(paths, in_lanes, before, chunk.batch)
 
     def ended(self, chunk: Chunk, paths: means.RecordedPaths, states: Array) -> means.RecordedPaths:
         """Paths of a chunk after all steps, with sums over groups in place of values."""
-        summed = self.recorders[chunk.path_set].finished(paths, chunk.first, chunk.end)
+        summed = self.recorders[chunk.path_set].finished(paths, chunk.batch)
         left = {name: getattr(paths, name)[:, :0] for name in ("stretch", "batches", "squares")}
         return super().ended(chunk, paths, states)._replace(**left, **summed)
 

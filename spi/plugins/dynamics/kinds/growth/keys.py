@@ -26,6 +26,12 @@ class Case(LongCase):
         tuple[Literal[PANELS], ...], f"what the figure shows, some of {', '.join(PANELS)}; default: growth"
     ) = ()
 
+    example: ClassVar[str] = """\
+steps: [2^-7]
+step_count: 2^20
+schemes: [splitting]
+samples: 64
+"""
     swept_in: ClassVar = (*PLACES, "step_count")
     quantities: ClassVar = claimable(Growth)
     elsewhere: ClassVar[Mapping[str, str]] = dict.fromkeys(

@@ -46,7 +46,7 @@ class StationaryLaw(Described):
         farthest = np.array(self.moments)[np.abs(self.z).argmax(axis=1)]
         return np.where(np.isfinite(self.mean_z), farthest, "")
 
-    @derived("h", "largest distance of a mean from the exact one, in standard errors", claim="at most")
+    @derived("h", "largest distance of a mean from the exact one, in standard errors", column="mean_z", claim="at most")
     def mean_z(self) -> Array:
         """(S,) of all moments."""
         return np.abs(self.z).max(axis=1)
@@ -69,7 +69,7 @@ class Growth(LongRecord):
             title="stationary law",
         ),
     )
-    row_columns = ("casimir", "moment", "variable")
+    row_axes = ("h", "casimir")
 
     law: StationaryLaw | None = None  # where the stationary law is known
     snapshots: int = fact("snapshots of each path that count for the law")

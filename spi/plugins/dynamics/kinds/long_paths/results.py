@@ -1,12 +1,13 @@
 """Record of long paths: the errors of the Casimir functions after several numbers of steps."""
 
 import math
+from collections.abc import Sequence
 
 import numpy as np
 
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
-from spi.printing.text import decimal, power_of_two
+from spi.printing.text import decimal, power_of_two, short
 from spi.storage.records import in_standard_errors
 from spi.storage.stored import WIDEST, Array, Claimed, Stored, array, axis, derived, fact
 
@@ -30,8 +31,6 @@ class LongRecord(Stored):
 
     Errors of the Casimirs are C(y_n) / C(y_0) - 1, or absolute ones if C(y_0) = 0, after several numbers of steps.
     """
-
-    row_axes, row_last = ("h", "n"), ("n",)
 
     h: Array = axis("step size", "time")
     n: Array = axis("number of steps")
@@ -77,3 +76,12 @@ class LongRecord(Stored):
 def count(steps: int) -> str:
     """A number of steps, powers of two also as such."""
     return f"{power_of_two(steps)} = {steps:,}" if steps > 1 and math.frexp(steps)[0] == 0.5 else f"{steps:,}"
+
+
+def kept_casimirs(readings: Sequence[LongRecord]) -> str:
+    """Line that all Casimir functions are kept up to rounding, as by construction; "" if some are not, or diverged."""
+    errors = [one.rounding for one in readings if one.rounding is not None and not one.nonfinite.any()]
+    if len(errors) < len(readings) or not all(np.isfinite(error).all() for error in errors):
+        return ""
+    largest = max((float(error.max()) for error in errors if error.size), default=math.nan)
+    return "" if math.isnan(largest) else f"Casimir functions: constant up to rounding ({short(largest, '.0e')})"

@@ -22,7 +22,7 @@ from spi.kinds.plans import Done, KernelCall, PartCost, Plan, State
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.numerics.types import Array
 from spi.schemes import typical_ns
-from spi.statistics.tallies import Chunk, PathSet
+from spi.statistics.tallies import Batch, Chunk, PathSet
 
 from .paths import LongPaths, casimir_errors
 
@@ -138,20 +138,25 @@ class LongPlan(Plan):
         """All paths of each step size."""
         return (PathSet(self.case.samples, CHUNK_BLOCKS),) * len(self.case.steps)
 
-    def empty(self, number: int, blocks: int = 0, first: int = 0) -> Any:
-        """Sums over no paths, or `blocks` blocks from block `first` on before their first step."""
-        y = self._begun(number, blocks, first)
-        own = {"block": blocks, "state": y.shape[1], "level": 1, "record": len(self.records)}
-        sums = self.sums.empty(own | {"casimir": self._conserved} | self.lengths(number))
-        begun = {name: np.zeros((*getattr(sums, name).shape[:-1], blocks * LANES)) for name in self.by_path}
-        begun["casimir"][:] = np.nan
-        return sums._replace(y=y, **begun)
+    def empty(self, number: int) -> Any:
+        """Sums over no paths."""
+        return self.at_start(Batch(number, 0, 0, 0))
 
-    def _begun(self, number: int, blocks: int, first: int) -> Array:
-        """States of `blocks` blocks before their first step."""
+    def at_start(self, batch: Batch) -> Any:
+        """Paths of a batch before their first step."""
+        y = self._states_at_start(batch)
+        own = {"block": batch.blocks, "state": y.shape[1], "level": 1, "record": len(self.records)}
+        sums = self.sums.empty(own | {"casimir": self._conserved} | self.lengths(batch.path_set))
+        by_path = {name: np.zeros((*getattr(sums, name).shape[:-1], batch.blocks * LANES)) for name in self.by_path}
+        by_path["casimir"][:] = np.nan
+        return sums._replace(y=y, **by_path)
+
+    def _states_at_start(self, batch: Batch) -> Array:
+        """(blocks, d * LANES): states of a batch before their first step."""
+        first, blocks = batch.first, batch.blocks
         if self.one_path:
             return self._start[np.newaxis].repeat(blocks, axis=0) if blocks else np.empty((0, len(self.initial)))
-        times = loop.grid(self.case.steps[number], 1)
+        times = loop.grid(self.case.steps[batch.path_set], 1)
         return loop.states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0]
 
     def kernel_calls(self) -> list[KernelCall]:
@@ -164,7 +169,7 @@ class LongPlan(Plan):
         """Compute chunks, see :class:`~spi.kinds.plans.Plan`."""
         for chunk in chunks:
             begun = started and len(started.y) == chunk.blocks
-            paths: Any = started if begun else self.empty(chunk.path_set, chunk.blocks, chunk.first)
+            paths: Any = started if begun else self.at_start(chunk.batch)
             paths = paths._replace(wanted=chunk.paths)
             started = None
             shared = loop.thread_count() if self.one_path else chunk.blocks
@@ -176,22 +181,29 @@ class LongPlan(Plan):
                         yield [(chunk, paths)]
                         until = time.perf_counter() + loop.BATCH_SECONDS
 
+    def paths_on(self) -> list[tuple[loop.TimeGrid, Any]]:
+        """Paths of each step size."""
+        case = self.case
+        terms = [fourier_terms(self.model, [self.scheme], h, areas=case.areas) for h in case.steps]
+        runs = zip(case.steps, case.counts, terms, strict=True)
+        return [
+            (loop.grid(h, n, truncate=case.clipping, by_reference=(0,), area_terms=of_h), self.stream)
+            for h, n, of_h in runs
+        ]
+
     def next_stop(self, n: int, number: int = 0) -> int:
         """Number of steps at which paths that have done n steps stop next."""
         stop = (n // self.spacing + 1) * self.spacing if n >= self.spacing else max(2 * n, STEPS_PER_TOSS)
         return int(min(stop, self.case.counts[number]))
 
-    def integrated(
-        self, y: Array, number: int, steps: int, n: int, end: int, every: int, first: int = 0
-    ) -> tuple[Array, Array, Array]:
+    def integrated(self, batch: Batch, y: Array, n: int, steps: int, every: int) -> tuple[Array, Array, Array]:
         """States (blocks, 1 + stored, d * LANES) after each `every` steps from t = 0 on, the last ones, and reports.
 
-        The blocks, of which the first is number `first`, have the states y after n steps and take `steps` more; for 0
-        as `every` nothing is stored.
+        The batch has the states y after n steps and takes `steps` more; for 0 as `every` nothing is stored.
         """
-        h, case = self.case.steps[number], self.case
+        h, case = self.case.steps[batch.path_set], self.case
         if self.one_path:
-            stored, last, report = self.one_path[number].moved(y[0], n, steps, every, int(self.stream.seed), 0)
+            stored, last, report = self.one_path[batch.path_set].moved(y[0], n, steps, every, int(self.stream.seed), 0)
             stored = np.concatenate([y, stored])[np.newaxis] if every else np.empty((1, 0, len(last)))
             return stored, last[np.newaxis, np.newaxis], report[np.newaxis]
         terms = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
@@ -199,10 +211,8 @@ class LongPlan(Plan):
         count = 1 + (n + steps) // every - n // every if every else 0
         stored = np.empty((len(y), count, len(self.initial) * LANES))
         observer = (state_recorder(times, stored, every),) if every else ()
-        states = y[:, np.newaxis]
-        rows, report = loop.integrated(
-            self.scheme, self.model, states, times, self.stream, first, len(y), end, *observer
-        )
+        run = self.scheme, self.model, y[:, np.newaxis], times, self.stream
+        rows, report = loop.integrated(*run, batch.first, batch.blocks, batch.end, *observer)
         return stored, rows, report
 
     def _advanced(self, chunk: Chunk, paths: Any) -> Any:
@@ -217,8 +227,7 @@ class LongPlan(Plan):
     def _moved(self, chunk: Chunk, paths: Any, stop: int) -> tuple[Any, Array]:
         """Paths of a chunk at a stop, and their states (d, paths)."""
         before, every = int(paths.n), self.every(chunk.path_set, stop)
-        moved = paths.y, chunk.path_set, stop - before, before, chunk.end, every, chunk.first
-        stored, rows, report = self.integrated(*moved)
+        stored, rows, report = self.integrated(chunk.batch, paths.y, before, stop - before, every)
         y, (states,) = rows[:, 0], rows[:, 0].T[np.newaxis] if self.one_path else loop.paths_of(rows, len(self.initial))
         paths = paths._replace(n=stop, y=y, report=loop.add_reports(paths.report, report))
         return self.looked(chunk, paths, before, stored) if every else paths, states

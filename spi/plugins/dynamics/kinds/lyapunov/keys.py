@@ -50,6 +50,14 @@ class Case(StepCase):
         tuple[Literal[PANELS], ...], f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known"
     ) = ()
 
+    example: ClassVar[str] = """\
+temperature: 1/4
+final_time: 400
+warm_up: 40
+step: 1/16
+schemes: [splitting_symmetric]
+samples: 256
+"""
     quantities: ClassVar = claimable(Exponents)
     neutral: ClassVar[frozenset[str]] = StepCase.neutral | {"pullback"}
     unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "pullback": None, "panels": ()}

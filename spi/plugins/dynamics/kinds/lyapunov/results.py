@@ -35,7 +35,7 @@ class Pictures(DensityMap):
     typical: Array = array("map_t", "typical distance of two states", formula="exp E log |y - z|")
     points: int = fact("number of states")
 
-    @property
+    @derived("map_t", "half the interval of the mean distance")
     def distance_half(self) -> Array:
         """(times,) half the 95 % interval of the mean distance, Student's over the jackknife groups."""
         return student(filled_groups(self.points) - 1) * self.distance_stderr
@@ -110,7 +110,12 @@ class Exponents(Stored):
         """(times,) half its 95 % intervals."""
         return self.exponent_half[0]
 
-    @derived("", "Lyapunov dimension", claim=Claimed("equal", where="is_dimension_known", lost="dimension_lost"))
+    @derived(
+        "",
+        "Lyapunov dimension",
+        column="dimension",
+        claim=Claimed("equal", where="is_dimension_known", lost="dimension_lost"),
+    )
     def dimension(self) -> float:
         """Lyapunov dimension at the last time, see :func:`kaplan_yorke`."""
         return float(kaplan_yorke(self.exponent[:, -1]))
@@ -126,7 +131,9 @@ class Exponents(Stored):
         return lost_among(self.exponent[:, -1], "exponents")
 
     def freedom(self, name: str) -> float:
-        """Of the dimension that of the jackknife groups, of means that of the paths."""
+        """Of the dimension, and of pictures, that of the jackknife groups; of means that of the paths."""
+        if self.pictures is not None and name.startswith("pullback_"):
+            return filled_groups(self.pictures.points) - 1
         return super().freedom(name) if name == "dimension" else self.samples - 1
 
     @property

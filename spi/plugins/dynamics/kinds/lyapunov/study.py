@@ -31,9 +31,9 @@ from spi.ensemble.random_states import normals as normal_numbers
 from spi.exact.surfaces import at_states, spheres, structure_matrix
 from spi.expressions.arithmetic import NumberError
 from spi.kinds import blocks
-from spi.kinds.blocks import BATCH_BYTES, BlocksPlan, stderr_of_means
+from spi.kinds.blocks import BATCH_BYTES, SampledPlan, stderr_of_means
 from spi.kinds.functions import path_function
-from spi.kinds.plans import KernelCall, PartCost, PathsPlan, State
+from spi.kinds.plans import KernelCall, PartCost, State
 from spi.models.delegation import undamped
 from spi.numerics.arrays import exp, log
 from spi.numerics.rng import LANES, STEPS_PER_TOSS, TANGENTS
@@ -50,7 +50,7 @@ from spi.statistics.estimators import (
     standard_deviation,
 )
 from spi.statistics.rounding import rounding, with_rounding
-from spi.statistics.tallies import PathSet
+from spi.statistics.tallies import Batch, PathSet
 from spi.storage.records import Part
 
 from .results import EQUAL, PANELS, Exponents, Pictures, kaplan_yorke
@@ -82,7 +82,7 @@ class Counts(Sums):
 class Pulled:
     """Pictures of a plan."""
 
-    plan: PathsPlan
+    plan: SampledPlan
 
     @property
     def _keys(self) -> Any:
@@ -114,16 +114,16 @@ class Pulled:
         areas, coins = (np.ascontiguousarray(rows[:steps][::-1]) for rows in (whole.areas, whole.coins))
         return NoiseArrays(np.ascontiguousarray(dW), areas, coins, 0)
 
-    def states(self, first: int, count: int, end: int) -> np.ndarray:
-        """(blocks, T, d, LANES) the states of some blocks at the end of each picture."""
-        p, d = self.plan, dimension(self.plan.model)
-        begin = block_states(p.case.points_law, p.stream, first, count).reshape(count, 1, d * LANES)
-        states = np.empty((count, len(self.steps), d, LANES))
+    def states(self, batch: Batch) -> np.ndarray:
+        """(blocks, T, d, LANES) the states of a batch at the end of each picture."""
+        p, d, blocks = self.plan, dimension(self.plan.model), (batch.first, batch.blocks)
+        begin = block_states(p.case.points_law, p.stream, *blocks).reshape(batch.blocks, 1, d * LANES)
+        states = np.empty((batch.blocks, len(self.steps), d, LANES))
         for i, steps in enumerate(self.steps):
             start = p.case.last_time - steps * p.grid.reference_step
             times = p.grid._replace(reference_steps=steps, start=start)
-            moved, _ = integrated(p.scheme, p.model, begin, times, self._until_now(steps), first, count, end)
-            states[:, i] = moved.reshape(count, d, LANES)
+            moved, _ = integrated(p.scheme, p.model, begin, times, self._until_now(steps), *blocks, batch.end)
+            states[:, i] = moved.reshape(batch.blocks, d, LANES)
         return states
 
     @cached_property
@@ -132,7 +132,7 @@ class Pulled:
         p, times = self.plan, len(self.steps)
         if surface := spheres(undamped(p.model), p.initial):
             return Cells.of_sphere(times, _OF_SPHERE, surface)
-        values = self.states(0, _PILOT, _PILOT * LANES)[:, :, :2].transpose(1, 2, 0, 3).reshape(times, 2, -1)
+        values = self.states(Batch.of_first(_PILOT))[:, :, :2].transpose(1, 2, 0, 3).reshape(times, 2, -1)
         return Cells.around(values, (0, 1), _OF_PLANE)
 
     @property
@@ -140,12 +140,12 @@ class Pulled:
         """Lengths of the axes of the sums."""
         return {"time": len(self.steps), "one": 1, "count": 2 + math.prod(self.cells.number), "distance": 2}
 
-    def observe(self, first: int, count: int, end: int) -> dict[str, Array]:
-        """Contributions of some blocks; the partner of lane l is l + 32, which is in the same jackknife group.
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        """Contributions of a batch; the partner of lane l is l + 32, which is in the same jackknife group.
 
         `cells` are (blocks, T, 1, LANES) the number of the cell and a half, -1 outside, NaN if lost.
         """
-        y = self.states(first, count, end)
+        y = self.states(batch)
         with np.errstate(all="ignore"):
             apart = y - np.roll(y, LANES // 2, axis=-1)
             distance = np.sqrt((apart * apart).sum(axis=2))
@@ -154,11 +154,11 @@ class Pulled:
         places = self.cells.places(states, states[:2])
         return {"cells": places, "distances": np.stack([distance, log(np.maximum(distance, _LEAST * size))], axis=2)}
 
-    def added(self, sums: Counts, contributions: dict[str, Array], at: slice, first: int, end: int) -> Counts:
-        """Sums with the contributions `at`, of which the first is that of block `first`."""
+    def added(self, sums: Counts, contributions: dict[str, Array], batch: Batch) -> Counts:
+        """Sums with the contributions of a batch."""
         cells = sums.cells.copy()
-        count_places(contributions["cells"][at], first, end, cells)
-        return sums.with_blocks({"distances": contributions["distances"]}, at, first, end)._replace(cells=cells)
+        count_places(contributions["cells"], batch, cells)
+        return sums.with_batch({"distances": contributions["distances"]}, batch)._replace(cells=cells)
 
     def results(self, sums: Counts) -> Pictures:
         """Pictures, from the sums over all states."""
@@ -301,7 +301,7 @@ def parts(case: Any) -> list[Part]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LyapunovPlan(BlocksPlan):
+class LyapunovPlan(SampledPlan):
     """Lyapunov exponents of one scheme."""
 
     record = Exponents
@@ -336,14 +336,14 @@ class LyapunovPlan(BlocksPlan):
         """Dimension of the Casimir surface."""
         return leaf_dimension(self.model, self.initial)
 
-    def first_vectors(self, first: int, blocks: int, normals: np.ndarray) -> np.ndarray:
-        """(m, blocks, d, LANES) orthonormal tangent vectors of the paths of some blocks, uniformly at random.
+    def first_vectors(self, batch: Batch, normals: np.ndarray) -> np.ndarray:
+        """(m, blocks, d, LANES) orthonormal tangent vectors of the paths of a batch, uniformly at random.
 
         `normals` are those of :func:`normals_at` at their states.
         """
         m, d = self.case.count, len(self.initial)
-        z = normal_numbers(m * d, self.stream, 0, 1, first, blocks, TANGENTS)
-        q = np.ascontiguousarray(z.reshape(m, d, blocks, LANES).swapaxes(1, 2))
+        z = normal_numbers(m * d, self.stream, 0, 1, batch.first, batch.blocks, TANGENTS)
+        q = np.ascontiguousarray(z.reshape(m, d, batch.blocks, LANES).swapaxes(1, 2))
         make_tangent(q, normals)
         orthonormalise(q)
         return q
@@ -401,15 +401,15 @@ class LyapunovPlan(BlocksPlan):
         """Standard error of the largest exponent."""
         return stderr_of_means(sums)
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> Any:
-        """Exponents of some blocks of paths, or the pictures of some blocks of states."""
-        if pictures := self._pictures_of(number):
-            return pictures.observe(first, blocks, end)
-        m, d = self.case.count, len(self.initial)
-        y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, first)
+    def observe(self, batch: Batch) -> dict[str, Array]:
+        """Exponents of a batch of paths, or the pictures of a batch of states."""
+        if pictures := self._pictures_of(batch.path_set):
+            return pictures.observe(batch)
+        m, d, blocks = self.case.count, len(self.initial), batch.blocks
+        y = states_at(self.initial, self.scheme, self.model, self.grid, blocks, self.stream, batch.first)
         y = y.reshape(blocks, d, LANES)
         normals = normals_at(self.model, y)  # random initial states have tangent spaces of their own
-        q = self.first_vectors(first, blocks, normals)
+        q = self.first_vectors(batch, normals)
         total, change = np.zeros((m, blocks, LANES)), np.zeros(blocks)
         values = np.zeros((blocks, len(self.stored), m + _FURTHER, LANES))
         before, begun = np.append(0, self.stops), self._log_lengths(y, normals)
@@ -418,9 +418,9 @@ class LyapunovPlan(BlocksPlan):
             np.errstate(all="ignore"),
         ):  # errors are those of paths that diverge
             for number_of_stop, stop in enumerate(self.stops, 1):
-                moved = self._moved(y, number_of_stop, first, end)
+                moved = self._moved(y, number_of_stop, batch)
                 near = (NEAR if number_of_stop % 2 else -NEAR) * size_of(y, moved)
-                others = [self._moved(y + near * each, number_of_stop, first, end) for each in q]
+                others = [self._moved(y + near * each, number_of_stop, batch) for each in q]
                 y, q = moved, (np.array(others) - moved) / near
                 normals = normals_at(self.model, y)
                 make_tangent(q, normals)
@@ -475,7 +475,7 @@ class LyapunovPlan(BlocksPlan):
         """Scheme and the model; looked up once, because there are many short calls."""
         return self.scheme, self.model
 
-    def _moved(self, y: np.ndarray, stop: int, first: int, end: int) -> np.ndarray:
+    def _moved(self, y: np.ndarray, stop: int, batch: Batch) -> np.ndarray:
         """States (blocks, d, LANES) at a stop, from those at the one before; each stop has random numbers of its own.
 
         They begin at a multiple of STEPS_PER_TOSS, since coins are drawn for so many steps at a time.
@@ -486,14 +486,15 @@ class LyapunovPlan(BlocksPlan):
             reference_steps=int(self.stops[stop - 1] - done), first_step=unit, start=(int(done) - unit) * h
         )
         states = np.array(y).reshape(len(y), 1, -1)
-        moved, _ = integrated(*self._kernel_records, states, times, self.stream, first, len(y), end)
+        run = *self._kernel_records, states, times, self.stream
+        moved, _ = integrated(*run, batch.first, batch.blocks, batch.end)
         return moved.reshape(y.shape)
 
-    def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
-        """Sums with the contributions `at`, see :class:`Blockwise`."""
-        if self.pulled and isinstance(sums, Counts):
-            return self.pulled.added(sums, contributions, at, first, end)
-        return super().added(sums, contributions, at, first, end)
+    def added(self, sums: Any, contributions: dict[str, Array], batch: Batch) -> Any:
+        """Sums with the contributions of a batch, see :class:`BatchedPlan`."""
+        if pictures := self._pictures_of(batch.path_set):
+            return pictures.added(sums, contributions, batch)
+        return super().added(sums, contributions, batch)
 
     def _known_sum(self) -> float | None:
         """Sum of the exponents of the equation; None where it is not known."""

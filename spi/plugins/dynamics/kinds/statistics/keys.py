@@ -19,6 +19,7 @@ from spi.specs.cases import StepCase, with_others
 from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
 from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.specs.names import CodeKeys
+from spi.specs.panels import check_further, panels_of, words
 from spi.specs.sweep import PLACES
 from spi.statistics.claims import claimable
 from spi.statistics.estimators import GROUPS
@@ -52,7 +53,6 @@ _Entry = Annotated[str | _Functional, BeforeValidator(_checked)]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], _Entry], MinLen(1)]
 PathFunctions = Annotated[_ByName, BeforeValidator(by_name)]
 Quantities = Annotated[tuple[Literal[QUANTITIES], ...], MinLen(1)]
-StatisticsPanels = tuple[Literal[PANELS], ...]
 Probabilities = Annotated[tuple[Annotated[float, Gt(0), Lt(1)], ...], MinLen(1)]
 OutputTimes = tuple[NonNegative, ...]
 _Names = Annotated[tuple[str, ...], BeforeValidator(lambda value: [value] if isinstance(value, str) else value)]
@@ -186,9 +186,19 @@ class Case(CodeKeys, StepCase):
         f"sampling) or {STATIONARY} (under the uniform law on the sphere, or the Gibbs law at a temperature)",
     ) = pydantic.Field(default_factory=dict)
     panels: key_of(
-        StatisticsPanels, f"what the figure shows, some of {', '.join(PANELS)}; default: all that is known"
+        panels_of("statistics", PANELS, 0),
+        f"what the figure shows, some of {', '.join(words('statistics', PANELS))}; default: all that is known",
     ) = ()
 
+    example: ClassVar[str] = """\
+final_time: 4
+step: 2^-6
+every: 4
+schemes: [splitting]
+samples: 20000
+functions: {y1: y1, energy: H, turned: {passage: "y1 < 0"}}
+statistics: [mean, variance, quantiles, histogram]
+"""
     swept_in: ClassVar = (*PLACES, "reference")
     quantities: ClassVar = claimable(Statistics)
     scoping: ClassVar = ("functions", "quantile_names")
@@ -290,6 +300,11 @@ class Case(CodeKeys, StepCase):
                 raise wrong(f"is '{panel}', which is of time_correlations", "add these, or leave it out", "panels", i)
             if panel in OF_LATTICES and given is not None and given.spins is None:
                 raise wrong(f"is '{panel}'", "add spins: [x, y, z] to time_correlations", "panels", i)
+        return self
+
+    @condition
+    def _check_panels(self) -> Self:
+        check_further("statistics", self)
         return self
 
     @condition

@@ -22,7 +22,7 @@ PANELS = ("mean", "difference", "histogram", "variance", "autocorrelation", "cor
 #: Of fewer groups of paths there is no standard error.
 LEAST_GROUPS = 8
 
-_MOST_TIMES = 6  # that a table shows
+_MOST_TIMES, _MOST_WAVE_VECTORS = 6, 17  # that a table shows
 
 
 _KNOWN = Claimed("equal", lost="lost")
@@ -45,6 +45,12 @@ class Histogram(Described):
     density: Array = array("function t bin", "density, 1 / (samples width) of each path in the bin")
     density_stderr: Array = array("function t bin", "standard error of the density")
     outside: Array = array("function t", "share of the paths outside of all bins, or not finite")
+
+    @derived("function t bin", "middle of the bin", column="bin_middle")
+    def bin_middle(self) -> Array:
+        """(F, T, bins) values of the functions."""
+        places = np.arange(self.density.shape[-1]) + 0.5
+        return self.bin_low[..., np.newaxis] + self.bin_width[..., np.newaxis] * places
 
 
 class Passages(Described):
@@ -106,6 +112,21 @@ class TimeCorrelations(Described):
     spectrum_half: Array | None = array("function omega", "half the interval of the spectrum", default=None)
     structure: Structure | None = nested(prefix="structure_", default=None)
 
+    @derived("function", "covariance at equal times")
+    def variance(self) -> Array:
+        """(F,) the first of the covariances at two times."""
+        return self.correlation[:, 0]
+
+    @derived("function", "half the interval of the covariance at equal times")
+    def variance_half(self) -> Array | None:
+        """(F,) that of the first covariance; None where it is not known."""
+        return None if self.correlation_half is None else self.correlation_half[:, 0]
+
+    @derived("function", "standard error of the covariance at equal times")
+    def variance_stderr(self) -> Array:
+        """(F,) that of the first covariance."""
+        return self.correlation_stderr[:, 0]
+
 
 class Statistics(Stored):
     """Statistics of functions over the paths of one scheme, at several times."""
@@ -115,8 +136,27 @@ class Statistics(Stored):
         r"Means, variances and quantiles are those of functions $f(y(t))$ over independent paths; the "
         "mean of a first passage is the fraction of paths that have passed."
     )
-    row_axes, row_columns = ("function", "t"), ("level", "other")
+    row_axes = ("function", "t")
     tables = (
+        Table(
+            "q",
+            [
+                Column(lambda one, _: one.wave_vectors, "wave\nvector"),
+                Column("structure_peak", "peak of the structure\nfactor, omega (95 %)"),
+                Column(lambda one, _: one.frequencies("waves"), "linear\nwaves"),
+                Column(lambda one, _: one.frequencies("waves_of_step"), "at this\nstep size"),
+            ],
+            title="structure factor",
+            lines=lambda one: one.shown_wave_vectors,
+        ),
+        Table(
+            "function",
+            [
+                Column("time_variance", "variance (95 %)"),
+                Column("time_integral", "integral of the covariance\nto the last lag (95 %)"),
+            ],
+            title="correlations in time",
+        ),
         Table(
             "function t",
             [
@@ -203,7 +243,7 @@ class Statistics(Stored):
         """(F, T) None if all values are finite."""
         return self.finite if (self.finite < 1.0).any() else None
 
-    @derived("function t", "deviation from the reference in standard errors", name="deviations")
+    @derived("function t", "deviation from the reference in standard errors", name="deviations", column="deviations")
     def deviation(self) -> Array | None:
         """(F, T) means less what is known of them, in standard errors; None if nothing is."""
         if self.difference is None or self.difference_stderr is None:
@@ -212,13 +252,38 @@ class Statistics(Stored):
 
     @property
     def shown_places(self) -> Iterator[tuple[int, int]]:
-        """(function, time) of the lines of a table: of few times, of those with a reference if there are any."""
+        """(function, time) of the lines of a table: of few times, of those with a reference if there are any.
+
+        Of stationary paths, and of what is constant, of the last time alone.
+        """
         for f in range(len(self.functions)):
             times = np.arange(len(self.t))
             if self.difference is not None and (there := np.isfinite(self.difference[f])).any():
                 times = times[there]
+            if self.time is not None or self.is_constant[f]:
+                times = times[-1:]
             few = np.unique(np.linspace(len(times) - 1, 0, min(len(times), _MOST_TIMES)).round().astype(int))
             yield from ((f, i) for i in times[few].tolist())
+
+    @property
+    def wave_vectors(self) -> list[str] | None:
+        """(wave vectors,) their components, as text; None without any, and of a chain, where q says it."""
+        if self.time is None or self.time.structure is None or self.time.structure.wave_vector.shape[1] < 2:
+            return None
+        return [", ".join(f"{component:.4g}" for component in q) for q in self.time.structure.wave_vector]
+
+    def frequencies(self, name: str) -> list[str] | None:
+        """(wave vectors,) frequencies of linear waves, a field of :class:`Structure`, as text; None without any."""
+        waves = getattr(self.time and self.time.structure, name, None)
+        return None if waves is None else [", ".join(f"{wave + 0.0:.4g}" for wave in branches) for branches in waves]
+
+    @property
+    def shown_wave_vectors(self) -> Iterator[tuple[int]]:
+        """(wave vector,) of the lines of a table: of few wave vectors along the path."""
+        if self.time is not None and self.time.structure is not None:
+            count = len(self.time.structure.q)
+            few = np.unique(np.linspace(0, count - 1, min(count, _MOST_WAVE_VECTORS)).round().astype(int))
+            yield from ((i,) for i in few.tolist())
 
     @derived("function t", "whether the mean is compared with a reference")
     def is_compared(self) -> Array:

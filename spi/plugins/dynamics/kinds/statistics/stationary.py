@@ -21,6 +21,7 @@ from spi.specs.keys import wrong
 from spi.statistics.estimators import group_counts, jackknife, jackknife_stderr, mean_over_paths
 from spi.statistics.intervals import skewed_half_width
 from spi.statistics.rounding import is_rounding
+from spi.statistics.tallies import Batch
 
 from .results import Structure, TimeCorrelations
 
@@ -75,22 +76,25 @@ def lengths(case: Any) -> dict[str, int]:
     return {"stationary": len(case.functions), "wave": waves, "lag": lags_of(case), "complex": 2}
 
 
-def added(case: Any, sums: Any, y: Array, values: Array, first: int, end: int) -> Any:
-    """Sums with blocks of states (blocks, T, d * LANES) and values of functions (blocks, T, columns, LANES)."""
+def added(case: Any, sums: Any, y: Array, values: Array, batch: Batch) -> Any:
+    """Sums with a batch of states (blocks, T, d * LANES) and values of functions (blocks, T, columns, LANES)."""
     functions = np.moveaxis(values[:, :, : len(case.functions)], 1, 2)
     each = [
-        contributions(case, functions[block], states[case.places], first + block, end) for block, states in enumerate(y)
+        contributions(case, of_block, states[case.places], counted)
+        for of_block, states, counted in zip(functions, y, batch.counted, strict=True)
     ]
     own = {name: np.array([of_block[name] for of_block in each]) for name in each[0]}
-    return sums.with_blocks(own, slice(None), first, end)
+    return sums.with_batch(own, batch)
 
 
-def contributions(case: Any, functions: Array, y: Array, first: int, end: int) -> dict[str, Array]:
+def contributions(case: Any, functions: Array, y: Array, counted: Array) -> dict[str, Array]:
     """Sums over the paths of each part of one block: functions (F, T, LANES) and states y (T, d * LANES).
+
+    Those paths count that are `counted`.
 
     `means` (F, PARTS), `lagged` (F, lags, PARTS) and `waves` (Q, lags, 2, PARTS), real and imaginary.
     """
-    used = (first * LANES + np.arange(LANES) < end).astype(float)
+    used = counted.astype(float)
     lags = lags_of(case)
     sums = {
         "means": _by_part(functions.mean(axis=1) * used),

@@ -10,10 +10,9 @@ from typing import Any
 import numpy as np
 
 from spi.ensemble.loop import one_step, thread_count
-from spi.ensemble.protocol import strengths
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, SUMMED
-from spi.kinds.blocks import BlocksPlan, reported, stderr_of_means
+from spi.kinds.blocks import SampledPlan, reported, stderr_of_means
 from spi.kinds.functions import ns_to_evaluate
 from spi.kinds.plans import KernelCall, PartCost, State, Task, each_scheme
 from spi.numerics.rng import LANES
@@ -23,7 +22,7 @@ from spi.plugins.dynamics.kinds.references import EXACT, STATIONARY
 from spi.plugins.dynamics.statistics.cells import cells_around, count_places
 from spi.plugins.dynamics.statistics.quantiles import edges_around
 from spi.schemes import typical_ns
-from spi.statistics.accumulators import Array, Sums, added, by_group, counted, moments
+from spi.statistics.accumulators import Array, Batch, Sums, added, by_group, counted, moments
 from spi.statistics.estimators import GROUPS, mean_over_paths
 from spi.statistics.intervals import clopper_pearson, student_of_paths
 from spi.statistics.rounding import with_rounding
@@ -73,15 +72,12 @@ class StatisticsSums(Sums):
     report: Array = added("report")  #: of what steps report that which is summed up
 
 
-def _lost(values: np.ndarray, first: int, end: int) -> np.ndarray:
-    """(T, F, 2): the number of values (blocks, T, F, LANES) that are minus infinity, and of those infinity or NaN.
-
-    The first block is number `first`; paths from number `end` on do not count.
-    """
+def _lost(values: np.ndarray, batch: Batch) -> np.ndarray:
+    """(T, F, 2): the number of values (blocks, T, F, LANES) that are minus infinity, and of those infinity or NaN."""
     finite = np.isfinite(values)
     if finite.all():
         return np.zeros((*values.shape[1:3], 2), np.int64)
-    counted = (first * LANES + np.arange(len(values) * LANES)).reshape(len(values), 1, 1, LANES) < end
+    counted = batch.counted[:, np.newaxis, np.newaxis]
     below, others = (values == -np.inf) & counted, ~finite & (values != -np.inf) & counted
     return np.stack([below.sum(axis=(0, 3)), others.sum(axis=(0, 3))], axis=-1)
 
@@ -95,7 +91,7 @@ parts = each_scheme
 
 
 @dataclass(frozen=True, kw_only=True)
-class StatisticsPlan(BlocksPlan):
+class StatisticsPlan(SampledPlan):
     """Statistics of one scheme."""
 
     record = Statistics
@@ -153,17 +149,12 @@ class StatisticsPlan(BlocksPlan):
             return [LookTimes(self.columns.between, (None,) * len(conditions), self.is_noisy) for conditions in each]
         h = _SHORT * self.case.step
         step = partial(one_step, self.scheme, self.model, h)
-        y, _ = self.observe(0, 0, _PILOT, _PILOT * LANES) if each else (np.zeros((0, 0)), None)
+        y = self._pilot_states if each else np.zeros((0, 0))
 
         def measured(condition: Callable[[np.ndarray], np.ndarray]) -> Distances | None:
             return Distances.measured(condition, self.columns.states(y), step, h)
 
         return [LookTimes(self.columns.between, tuple(map(measured, conditions)), True) for conditions in each]
-
-    @property
-    def is_noisy(self) -> bool:
-        """Whether there is noise of some strength."""
-        return bool(np.any(np.asarray(strengths(self.model), float)))
 
     @property
     def is_bridged(self) -> bool:
@@ -178,10 +169,15 @@ class StatisticsPlan(BlocksPlan):
         remembered = np.array([f for f, _ in self.columns.since], int)
         return np.append(left, remembered), np.append(right, first + np.arange(len(remembered)))
 
+    @property
+    def _pilot_states(self) -> np.ndarray:
+        """States of the first paths."""
+        return self.recorded(Batch.of_first(_PILOT), self.case.stride)[0]
+
     @cached_property
     def _pilot(self) -> np.ndarray:
         """(T, F, paths) values of the functions, whose origins are not subtracted, on the first paths."""
-        y, _ = self.observe(0, 0, _PILOT, _PILOT * LANES)
+        y = self._pilot_states
         values = np.empty((_PILOT, len(self.case.places), self.columns.number, LANES))
         with in_threads() as each:
             self.columns.evaluate(each, self.looks, y, values)
@@ -247,14 +243,14 @@ class StatisticsPlan(BlocksPlan):
         """The standard error of the first mean at the last time."""
         return stderr_of_means(sums)
 
-    def observe(self, number: int, first: int, blocks: int, end: int) -> tuple[np.ndarray, np.ndarray]:
-        """States of some blocks, (blocks, stored, d * LANES), and reports."""
-        y, report = self.recorded(first, blocks, end, self.case.stride)
-        return y, report[:, 0, :SUMMED]
+    def observe(self, batch: Batch) -> dict[str, np.ndarray]:
+        """States of a batch, (blocks, stored, d * LANES), and reports."""
+        y, report = self.recorded(batch, self.case.stride)
+        return {"states": y, "report": report[:, 0, :SUMMED]}
 
-    def added(self, sums: Any, contributions: Any, at: slice, first: int, end: int) -> Any:
-        """Sums with the states `at`, as many blocks at once as caches hold, if memory does."""
-        states, report = (each[at] for each in contributions)
+    def added(self, sums: Any, contributions: dict[str, np.ndarray], batch: Batch) -> Any:
+        """Sums with the states of a batch, as many blocks at once as caches hold, if memory does."""
+        states = contributions["states"]
         case, times, columns = self.case, len(self.case.places), self.columns
         copied = ("values", "products", "counts", "ranks", "lost", "cells")
         added = sums._replace(**{name: getattr(sums, name).copy() for name in copied})
@@ -264,42 +260,45 @@ class StatisticsPlan(BlocksPlan):
         with in_threads() as each:
             for begin in range(0, len(states), few):
                 some = states[begin : begin + few]
-                of_passages = columns.evaluate(each, self.looks, some, values[: len(some)])
+                of_some, part = values[: len(some)], batch.part(batch.first + begin, len(some))
+                of_passages = columns.evaluate(each, self.looks, some, of_some)
                 if columns.passages:
-                    added = added.with_blocks(of_passages, slice(None), first + begin, end)
-                self._rank(each, added, values[: len(some)], first + begin, end)
-                columns.centre(values[: len(some)])
-                self._add(each, added, some, values[: len(some)], first + begin, end)
+                    added = added.with_batch(of_passages, part)
+                self._rank(each, added, of_some, part)
+                columns.centre(of_some)
+                self._add(each, added, some, of_some, part)
                 if case.time_correlations is not None:
-                    added = stationary.added(case, added, some, values[: len(some)], first + begin, end)
+                    added = stationary.added(case, added, some, of_some, part)
         ends = states[:, -1].reshape(len(states), -1, LANES)
-        further = {"nonfinite": np.logical_not(np.isfinite(ends).all(axis=1)), "report": report}
-        return added.with_blocks(further, slice(None), first, end)
+        lost = np.logical_not(np.isfinite(ends).all(axis=1))
+        return added.with_batch({"nonfinite": lost, "report": contributions["report"]}, batch)
 
-    def _rank(self, each: Map, sums: StatisticsSums, values: np.ndarray, first: int, end: int) -> None:
-        """Count values of some blocks, whose origins are not subtracted, for quantiles, in each thread other times."""
+    def _rank(self, each: Map, sums: StatisticsSums, values: np.ndarray, batch: Batch) -> None:
+        """Count values of a batch, whose origins are not subtracted, for quantiles, in each thread other times."""
         if sums.ranks.size:
             edges = self.edges  # here, since the first paths are a run
-            list(
-                each(lambda times: rank_values(values, first, end, edges, sums.ranks, times), _shares(values.shape[1]))
-            )
 
-    def _add(self, each: Map, sums: StatisticsSums, y: np.ndarray, values: np.ndarray, first: int, end: int) -> None:
-        """Add the values of some blocks with states y to sums, in each thread at other times."""
+            def rank(times: tuple[int, int]) -> None:
+                rank_values(values, batch.first, batch.end, edges, sums.ranks, times)
+
+            list(each(rank, _shares(values.shape[1])))
+
+    def _add(self, each: Map, sums: StatisticsSums, y: np.ndarray, values: np.ndarray, batch: Batch) -> None:
+        """Add the values of a batch with states y to sums, in each thread at other times."""
         pairs, bins = self.pairs, self.bins if sums.counts.size else None  # here, since the first paths are a run
 
         def add(times: tuple[int, int]) -> None:
-            add_moments(values, first, end, sums.values, *pairs, sums.products, times)
-            sums.lost[slice(*times)] += _lost(values[:, slice(*times), : sums.lost.shape[1]], first, end)
+            add_moments(values, batch.first, batch.end, sums.values, *pairs, sums.products, times)
+            sums.lost[slice(*times)] += _lost(values[:, slice(*times), : sums.lost.shape[1]], batch)
             if bins is not None:
-                count_values(values, first, end, bins.low, 1 / bins.width, sums.counts, times)
+                count_values(values, batch.first, batch.end, bins.low, 1 / bins.width, sums.counts, times)
 
         list(each(add, _shares(values.shape[1])))
         if self.cells is not None:
             pair = np.moveaxis(values[:, self.map_times][:, :, list(self.cells.pair)], 2, 0)
             states = self.columns.states(y)[:, :, self.case.places[self.map_times]]
             maps = np.ascontiguousarray(self.cells.places(states, pair))
-            count_places(maps, first, end, sums.cells)
+            count_places(maps, batch, sums.cells)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :meth:`Plan.deciding`; the references are among the answers of the tasks."""

@@ -12,7 +12,8 @@ from spi.drawing import Figure, panels, plots, style
 from spi.kinds.trajectory.figure import TrajectoryReadings, times_shown, window
 from spi.kinds.trajectory.film import Filmed, Screen, states_shown
 from spi.kinds.trajectory.results import Trajectory
-from spi.plugins.fluids.models.fields import energy_spectrum, enstrophy, size_of, vorticity
+from spi.plugins.fluids.kinds.trajectory.numbers import part_of, spectra_of
+from spi.plugins.fluids.models.fields import enstrophy, size_of, vorticity
 
 SIGNED, ONE_SIGN = "RdBu_r", "viridis"  #: colours of vorticity: blue negative, white 0, red positive; of one sign
 TIMES = "viridis"  #: colours of spectra, from early to late
@@ -49,11 +50,11 @@ def need_lattice(readings: TrajectoryReadings, panel: str) -> None:
         raise ValueError(f"the panel '{panel}' needs a vorticity on the torus, as of sine_euler and zeitlin")
 
 
-def field_values(reading: Trajectory, states: Sequence[int]) -> np.ndarray:
+def field_values(reading: Trajectory, states: Sequence[int], part: int = 0) -> np.ndarray:
     """(states, G, G) the fields of some states, on a grid that is finer than the smallest waves."""
-    n = size_of(reading.y)
+    y = part_of(reading, part)
     with np.errstate(all="ignore"):
-        return vorticity(reading.y[list(states)], max(128, 1 << (4 * n - 1).bit_length()))
+        return vorticity(y[list(states)], max(128, 1 << (4 * size_of(y) - 1).bit_length()))
 
 
 def colours_of(readings: TrajectoryReadings, ends: Sequence[tuple[float, float]]) -> Colours:
@@ -80,23 +81,34 @@ def _ends(values: np.ndarray) -> tuple[float, float]:
 def vorticities(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[list[plots.Plot]]:
     """Fields at the chosen times, a row of panels for each scheme."""
     need_lattice(readings, "vorticity")
-    shown = [field_values(one, one.shown) for one in readings]
+    yield from _rows(readings, 0, r"vorticity $\omega$")
+
+
+def tracers(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[list[plots.Plot]]:
+    """Tracers at the chosen times, each with a row of panels for each scheme."""
+    for j in range(1, 1 + readings[0].place.get("tracers", 0)):
+        yield from _rows(readings, j, rf"tracer $\theta_{j}$")
+
+
+def _rows(readings: TrajectoryReadings, part: int, label: str) -> Iterator[list[plots.Plot]]:
+    """A row of panels for each scheme, of one part of states."""
+    shown = [field_values(one, one.shown, part) for one in readings]
     colours = colours_of(readings, [_ends(values) for values in shown])
     for one, values in zip(readings, shown, strict=True):
         row = []
         for i, (field, t) in enumerate(zip(values, one.t[one.shown].tolist(), strict=True)):
             title = ", ".join([style.label(one.about)] * (i == 0) + [f"$t={style.number(t)}$"])
-            own = _field(field, colours, last=i == len(values) - 1)
+            own = _field(field, colours, label if i == len(values) - 1 else "")
             row.append(plots.Plot(title=title, x="$x_1$", y="$x_2$", own=own, aspect=0.95, shared=i > 0))
         yield row
 
 
-def _field(field: np.ndarray, colours: Colours, last: bool) -> plots.Draw:
+def _field(field: np.ndarray, colours: Colours, label: str) -> plots.Draw:
     def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         image = draw_field(ax, field, colours)
-        if last:
+        if label:
             place = ax.inset_axes((1.04, 0, 0.05, 1))
-            ax.figure.colorbar(image, cax=place, label=r"vorticity $\omega$", extend=colours.beyond)
+            ax.figure.colorbar(image, cax=place, label=label, extend=colours.beyond)
         return []
 
     return own
@@ -154,12 +166,6 @@ def _slope(energies: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
     return np.asarray(height * k[k > math.sqrt(len(k))] ** _INERTIAL)
 
 
-def spectra_of(reading: Trajectory) -> np.ndarray:
-    """(times, shells) the energy of each shell at the chosen times."""
-    with np.errstate(all="ignore"):
-        return energy_spectrum(reading.y[reading.shown])
-
-
 def spectrum_limits(readings: TrajectoryReadings) -> tuple[float, float]:
     """Limits of energies in spectra, which suit the schemes that preserve something, if there are any.
 
@@ -188,7 +194,7 @@ def _positive(energies: np.ndarray) -> np.ndarray:
 def enstrophy_change(reading: Trajectory) -> np.ndarray:
     """(times,) Z(t)/Z(0) - 1, Z(t) where Z(0) = 0."""
     with np.errstate(all="ignore"):
-        values = enstrophy(reading.y)
+        values = enstrophy(part_of(reading))
     return values / values[0] - 1 if values[0] else values
 
 
@@ -204,7 +210,7 @@ def enstrophies(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[pl
         plots.series(one.t, values, panels.scheme_look(one, looks, **alone), style.label(one.about))
         for one, values in curves
     ]
-    first = float(enstrophy(curves[0][0].y[0]))
+    first = float(enstrophy(part_of(curves[0][0])[0]))
     yield plots.Plot(
         lines,
         f"$Z(0)={style.number(first)}$",
@@ -242,5 +248,6 @@ def _extremes(reading: Trajectory, states: Sequence[int]) -> tuple[float, float]
 
 FILM = Filmed(_screens, names=("$x_1$", "$x_2$"))
 VORTICITY = [panels.OwnPanels(vorticities)]
+TRACER = [panels.OwnPanels(tracers)]
 SPECTRUM = [panels.OwnPanels(spectra)]
 ENSTROPHY = [panels.OwnPanels(enstrophies)]

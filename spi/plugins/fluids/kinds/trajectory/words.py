@@ -5,7 +5,7 @@ from typing import Any
 from spi.ensemble.protocol import geometry
 from spi.specs.panels import Further
 
-_FIGURE = "spi.plugins.fluids.kinds.trajectory.figure"
+_FIGURE, _NUMBERS = (f"spi.plugins.fluids.kinds.trajectory.{name}" for name in ("figure", "numbers"))
 
 
 def _fault(case: Any) -> str:
@@ -13,5 +13,12 @@ def _fault(case: Any) -> str:
 
 
 VORTICITY = Further(f"{_FIGURE}:VORTICITY", _fault)
-SPECTRUM = Further(f"{_FIGURE}:SPECTRUM", _fault)
-ENSTROPHY = Further(f"{_FIGURE}:ENSTROPHY", _fault)
+SPECTRUM = Further(f"{_FIGURE}:SPECTRUM", _fault, f"{_NUMBERS}:spectra")
+ENSTROPHY = Further(f"{_FIGURE}:ENSTROPHY", _fault, f"{_NUMBERS}:enstrophies")
+
+
+def _tracer_fault(case: Any) -> str:
+    return "" if geometry(case.model).get("tracers") else "is for zeitlin with tracers"
+
+
+TRACER = Further(f"{_FIGURE}:TRACER", _tracer_fault)

@@ -1,4 +1,4 @@
-"""The solution of Euler's equations beside paths of `zeitlin`: what is known exactly, and what is printed."""
+"""Benchmarks of fluids: the solution of Euler's equations beside paths of `zeitlin`, and a naive midpoint rule."""
 
 import importlib
 import json
@@ -8,13 +8,14 @@ from pathlib import Path
 import fluids
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 from trajectory_results import trajectories, trajectory_group
 
 from spi import storage
 from spi.plugins.fluids.models import Zeitlin, fields
 
-sys.path.insert(0, str(Path(__file__).parents[2] / "benchmarks"))  # no package: programs, and what they share
-euler = importlib.import_module("euler")
+sys.path.insert(0, str(Path(__file__).parents[3] / "benchmarks"))  # no package: programs, and what they share
+euler, zeitlin = map(importlib.import_module, ("euler", "zeitlin"))
 
 X = 2 * np.pi * np.arange(64) / 64
 X1, X2 = np.meshgrid(X, X, indexing="ij")
@@ -76,3 +77,22 @@ def test_what_is_printed_and_drawn(tmp_path, capsys):
     assert rate_of_kolmogorov_flow() == pytest.approx(0.41399, abs=1e-5)
     assert rates[-1] == pytest.approx(0.3135, abs=1e-3)
     assert (tmp_path / "both_euler.png").stat().st_size > 10_000
+
+
+def test_midpoint_rule_for_fluids_solves_their_equations(monkeypatch):
+    n, model = 7, Zeitlin(7, normalisation="zeitlin")
+    y, W0 = fluids.state(n, zeitlin.typical(n)), zeitlin.matrix(zeitlin.typical(n))
+    times = (0, zeitlin.ERROR_TIME)
+    exact = solve_ivp(lambda t, y: fluids.drift_field(model, y), times, y, rtol=1e-12, atol=1e-12).y[:, -1]
+    assert np.allclose(fluids.state(n, fluids.table_of(n, zeitlin.reference(n))), exact, rtol=0, atol=1e-11)
+    assert np.linalg.norm(y - exact) > 0.01
+    errors = []
+    for h in zeitlin.STEPS:
+        path, iterations = zeitlin.midpoint_path(n, h, 10)
+        errors.append(zeitlin.error(path, h))
+        assert np.all(zeitlin.casimir_errors(path) < 1e-13) and iterations > 1
+        assert np.array_equal(path[0], W0) and np.array_equal(path[-1], path[-1].conj().T)
+    assert np.log(errors[1] / errors[0]) / np.log(np.divide(*zeitlin.STEPS[::-1])) == pytest.approx(2, abs=0.1)
+    monkeypatch.setattr(zeitlin, "MOST_ITERATIONS", 2)
+    with pytest.raises(RuntimeError, match="N = 7, h = 1: no solution after 2 iterations"):
+        zeitlin.Midpoint(n, 1).step(W0)

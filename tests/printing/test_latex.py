@@ -4,8 +4,8 @@ import re
 
 import pytest
 
-from spi.plugins.report.views import page
-from spi.plugins.report.views.sections import Titled
+from spi.printing import latex
+from spi.printing.latex import Titled
 from spi.printing.tables import StyledText, TextTable
 
 
@@ -34,7 +34,7 @@ from spi.printing.tables import StyledText, TextTable
     ],
 )
 def test_text(plain, expected):
-    assert page.text(plain) == expected
+    assert latex.text(plain) == expected
 
 
 def table(rows=2, title="a_b"):
@@ -43,7 +43,7 @@ def table(rows=2, title="a_b"):
 
 
 def test_a_table_is_a_float_with_rules():
-    text = page.document("my_run", "50 %\n\\input{x}", [table()])
+    text = latex.document("my_run", "50 %\n\\input{x}", [table()])
     assert text == "\n".join(
         [
             r"% my_run: 50 % \input{x}",
@@ -68,7 +68,7 @@ def test_a_table_is_a_float_with_rules():
 
 
 def test_a_long_table_may_break_and_all_braces_are_closed():
-    text = page.document("r", "t", [table(60), table(3)])
+    text = latex.document("r", "t", [table(60), table(3)])
     assert text.count(r"\begin{longtable}{lr}") == text.count(r"\end{longtable}") == text.count(r"\endhead") == 1
     assert text.count(r"\begin{table}") == text.count(r"\end{table}") == 1
     plain = re.sub(r"\\[{}]", "", text)
@@ -84,4 +84,3 @@ def test_a_table_loses_empty_columns_and_breaks_of_headings():
     assert found.title == "title [x]" and found.justified == "lrr"
     assert list(found.frame.columns) == ["scheme", "nonfinite", "Euler-Maruyama"]
     assert found.frame.to_numpy().tolist() == [["[b]", "0.5 [0.4, 0.6]", "3 4"]]
-    assert "<td class=l>[b]</td>" in found.html

@@ -1,0 +1,1 @@
+"""Energy spectra of means over paths and over time."""
