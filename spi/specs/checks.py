@@ -9,9 +9,9 @@ from pydantic_core import PydanticCustomError
 from ..compiler.dispatch import MOST
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
-from ..ensemble.protocol import area_pairs, flows_lacking, inner, why_inexact
+from ..ensemble.protocol import area_pairs, flows_lacking, inner, large, why_inexact
 from ..ensemble.scheme_protocol import judges, needs_areas, substeps
-from ..models.delegation import undamped
+from ..models.delegation import depends_on_time, undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.estimators import places
 from .keys import quantity, wrong
@@ -131,6 +131,9 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
         if truncated and judges(row.record):
             fault = "whose tests of acceptance are those of normal increments, not of clipped ones"
             raise wrong_scheme(case, name, fault, "leave out truncate_noise, or give the scheme a case of its own")
+        if judges(row.record) and large(case.model) and depends_on_time(case.model):
+            fault = "whose flows are accepted by the law exp(-H/T), which is none of an H that depends on time"
+            raise wrong_scheme(case, name, fault, "use splitting_symmetric, or leave t out of the model")
         if row.needs_truncation and name in used and not truncated and case.noise is None:
             right = _apart(name) if max(getattr(case, "extrapolate", (0,))) else "set truncate_noise: true"
             raise wrong_scheme(case, name, "which needs bounded increments", right)

@@ -26,7 +26,6 @@ from ..ensemble.protocol import (
     casimirs,
     conserved,
     dimension,
-    frozen,
     hamiltonian,
     in_kernels,
     large,
@@ -36,7 +35,7 @@ from ..ensemble.protocol import (
 from ..expressions import Observable
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import meaning_of
-from ..models.delegation import undamped
+from ..models.delegation import depends_on_time, undamped
 from ..numerics.rng import LANES
 from .keys import Keys, key_of, shown, wrong
 
@@ -165,7 +164,7 @@ def _takes_arrays(model: Any) -> bool:
 def _invariant(model: Any, digits: str | None) -> Callable[[Array], Array]:
     """H, for None, or a Casimir function by its number from 1 on, C being the only one."""
     count = conserved(model)
-    if digits is None and answers(frozen, undamped(model)):
+    if digits is None and depends_on_time(model):
         raise NumberError("H depends on time; write it as a function of the state")
     number = int(digits or (count == 1)) if digits is not None else None
     if number is not None and not 0 < number <= count:
