@@ -28,6 +28,7 @@ from .terminal import STOP, takes_all_characters, tell
 if TYPE_CHECKING:
     from rich.console import Console
 
+    from ..drawing.film import Film
     from ..running.finding import Found
     from ..storage.records import StoredResults
 
@@ -68,6 +69,8 @@ def show(
             storage.write_all({out / name: content for name, content in files.items()})
             for name in files:
                 tell(f"wrote {out / name}")
+            if format == "latex":
+                tell(f"tables of more than {views.MOST_LATEX_ROWS} rows are written as CSV or JSON only")
             return
         names = [*views.data_tables(stored_results)]
         if format == "table" and table is None:
@@ -101,6 +104,10 @@ def plot(
     results: ResultsFolder = RESULTS,
     out: Annotated[Path | None, typer.Option(help="Folder of figures (default: that of the results).")] = None,
     film: Annotated[bool, typer.Option("--film", help="Also write a film of the states: <out>/<name>.gif.")] = False,
+    mp4: Annotated[bool, typer.Option("--mp4", help="Also write it as <out>/<name>.mp4, by ffmpeg.")] = False,
+    fps: Annotated[
+        float | None, typer.Option(help="Frames of a film in a second (default: for 8 seconds).", min=0.1, max=100)
+    ] = None,
     *,
     chosen: dict[str, Any],
     options: RunOptions,
@@ -125,8 +132,10 @@ def plot(
             tell(f"wrote {written}")
         if is_paper or words.get("title") is False:
             tell(f"caption: {caption(figure)}")
-        if film:
-            _write_film(path, stored_results, folder)
+        for form in [*["gif"] * film, *["mp4"] * mp4]:
+            with _about(path):
+                moving = views.film(stored_results, **chosen)
+            _write_film(path, moving, folder, form, fps)
 
     _each(draw, found(sources, results, options))
 
@@ -152,17 +161,16 @@ def _each(act: Callable[["Found"], None], each: Sequence["Found"]) -> None:
         raise typer.Exit(max(codes))
 
 
-def _write_film(path: Path, results: "StoredResults", folder: Path) -> None:
+def _write_film(path: Path, moving: "Film", folder: Path, form: str, fps: float | None) -> None:
     from .. import views
     from .progress import ProgressLine
 
     with _about(path), ProgressLine(path.stem) as line:
-        moving = views.film(results)
 
         def frame(done: int, total: int) -> None:
             line.report_work(done + 1, total, "drawing the frames of a film")
 
-        written = views.save_film(moving, folder, path.stem, frame)
+        written = views.save_film(moving, folder, path.stem, frame, form, fps)
     tell(f"wrote {written}")
 
 

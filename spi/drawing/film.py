@@ -1,10 +1,10 @@
-"""A film: a figure that changes from frame to frame, written as a GIF."""
+"""A film: a figure that changes from frame to frame, written as a GIF, or by ffmpeg as an MP4."""
 
 from collections.abc import Callable
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
-from matplotlib.animation import PillowWriter
+from matplotlib.animation import FFMpegWriter, PillowWriter
 from matplotlib.figure import Figure
 
 from .. import scratch_folder
@@ -23,11 +23,17 @@ class Film(NamedTuple):
     show: Callable[[int], None]  #: makes the figure that of frame 0, ..., frames - 1
 
 
-def as_gif(film: Film, report: Callable[[int, int], None]) -> bytes:
-    """Content of the GIF file of a film; `report` is called with the number of frames drawn, and of all."""
-    writer = PillowWriter(fps=min(max(film.frames // _SECONDS, _SLOWEST), _FASTEST))
-    with scratch_folder() as folder, page.applied():
-        path = Path(folder, "film.gif")
+def as_bytes(film: Film, form: str, report: Callable[[int, int], None], fps: float | None = None) -> bytes:
+    """Content of a file of a film, a "gif" or an "mp4", at `fps` frames a second.
+
+    `report` is called with the number of frames drawn, and of all.  ValueError if there is no ffmpeg for an "mp4".
+    """
+    if form == "mp4" and not FFMpegWriter.isAvailable():
+        raise ValueError("a film as MP4 needs ffmpeg, which is not installed; install it, or use --film for a GIF")
+    speed: Any = fps or min(max(film.frames // _SECONDS, _SLOWEST), _FASTEST)
+    writer = (FFMpegWriter if form == "mp4" else PillowWriter)(fps=speed)
+    with scratch_folder() as folder, page.applied(page.of(film.figure)):
+        path = Path(folder, f"film.{form}")
         # Not `with writer.saving(...)`, which finishes the film also when it is interrupted, and fails without a frame.
         writer.setup(film.figure, str(path), _DPI)
         for number in range(film.frames):

@@ -76,6 +76,7 @@ class CurvePanel(NamedTuple):
     resolved: str = ""  #: a field with whether values are resolved; else those of intervals above 0 are, on log axes
     nan_diverged: bool = False  #: whether NaN means that paths diverged
     look: dict[str, Any] = {}  # noqa: RUF012
+    conserved: bool = False  #: whether there is a fact instead of a panel of what all schemes conserve up to rounding
     same: str = ""  #: a fact instead of a panel where all values of all schemes are one number, with {} for it
     only: Callable[[Any, int], bool] = lambda record, place: True  #: the places along `facet` that are shown
     then: Callable[[plots.Plot, Records, int], Any] = lambda plot, records, place: plot
@@ -105,11 +106,12 @@ class CurvePanel(NamedTuple):
         count = self._places(numbers)
         names = names_along(first, self.facet, count) if self.facet else [""]
         shown = [record for record, _ in pairs]
-        drawn = [
-            self.then(self._plot(pairs, looks, place, names[place]), shown, place)
-            for place in range(count)
-            if any(self.only(record, place) for record in shown)
-        ]
+        drawn: list[Any] = []
+        for place in (place for place in range(count) if any(self.only(record, place) for record in shown)):
+            plot = self._plot(pairs, looks, place, names[place])
+            finished = self.then(plot, shown, place)
+            fact = _conservation(plot) if self.conserved else ""
+            drawn.append(Same(fact, [finished]) if fact else finished)
         if self.same and (everything == everything[0]).all():
             drawn = [Same(self.same.format(f"{everything[0]:g}"), drawn)]
         yield from drawn
@@ -217,6 +219,18 @@ class CurvePanel(NamedTuple):
         return [], []
 
 
+def _conservation(plot: plots.Plot) -> str:
+    """Fact that all lines of a panel are constant up to rounding; empty if they are not."""
+    lines = [line.y for line in plot.series if len(line.y) > 1]
+    sizes = [float(np.abs(y).max()) for y in lines]
+    if not lines or not all(size < plots.HUGE for size in sizes):  # false also for NaN
+        return ""
+    change = max(float(np.abs(y - y[0]).max()) / (size or 1.0) for y, size in zip(lines, sizes, strict=True))
+    if change > _CONSERVED:
+        return ""
+    return f"{plot.y} conserved" + (f" to ${style.number(float(f'{change:.0e}'))}$" if change else "")
+
+
 def _shades(record: Any, axis: str) -> Iterator[plots.LegendEntry]:
     """Entries of the legend for the places along an axis whose lines differ in shade; none for a single one."""
     values = record.get(axis)
@@ -226,6 +240,7 @@ def _shades(record: Any, axis: str) -> Iterator[plots.LegendEntry]:
         yield shade, style.value_of(axis, values[row])
 
 
+_CONSERVED = 1e-11  # relative changes along a path that are those of rounding
 _DENSE, _FINE = 50, 400  # values of theory from which on a line is drawn through them, and those of a formula
 _SOMETIMES = {"color": "black", "marker": "+", "markersize": 8, "linestyle": "none", "zorder": 4}
 
@@ -284,6 +299,7 @@ class Figures(NamedTuple):
             facts = [dict(item for item in facts[0].items() if all(item in other.items() for other in facts))]
         looks = style.looks(cases)
         drawn = [self._groups(records, looks, own) for records, own in zip(cases, facts, strict=True)]
+        self._check_shown(cases, looks)
         shared, own = style.split_facts(facts)
         headings = [
             [style.plain(records[0].about.case_title), *texts] for records, texts in zip(cases, own, strict=True)
@@ -304,6 +320,13 @@ class Figures(NamedTuple):
                 texts = [*(text for text in drawn if isinstance(text, str)), *(one.text for one in equal)]
                 facts |= dict(zip(texts, texts, strict=True))
         return [group for group in groups if group] or same
+
+    def _check_shown(self, cases: Sequence[Records], looks: style.Looks) -> None:
+        """Raise ValueError about a panel that a person chose now, and of which the results have no numbers."""
+        for word in page.current().chosen.get("panels", ()):
+            if not any(list(panel.expand(records, looks)) for records in cases for panel in self.panels[word]):
+                remedy = "add to the spec what it shows and run it first, or choose another one"
+                raise ValueError(f"panels: the results have nothing that '{word}' shows; {remedy}")
 
     def _words(self, record: Any) -> Sequence[str]:
         """Words of the panels that were chosen, or that a record asks for, by default all; ValueError for no panel."""

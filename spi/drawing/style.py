@@ -10,6 +10,7 @@ from functools import cache
 from typing import Any
 
 import matplotlib
+import numpy as np
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.colors import to_hex, to_rgb
 from matplotlib.figure import Figure
@@ -461,3 +462,8 @@ def _parses(text: str) -> bool:
 
 
 WORD = re.compile(r"(?:\\\$|\$(?:\\\$|[^$])*\$|[^\s$])+\s*")  #: of a text, in which a formula is one
+
+
+def shades(count: int) -> np.ndarray:
+    """(count, 4) colours of curves at several times, from early to late."""
+    return np.asarray(matplotlib.colormaps["viridis"](np.linspace(0, 0.88, count)))

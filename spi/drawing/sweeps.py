@@ -181,7 +181,7 @@ def _crossing(curves: Sequence[Curve], at: plots.Places) -> list[tuple[float, fl
     marked = []
     for value, half in crossings(*curves):
         digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 6  # two of the half width, rounded up
-        rounded = math.ceil(half * 10**digits) / 10**digits
+        rounded = math.ceil(half * 10**digits - 1e-9) / 10**digits
         marked.append((value, half, rf"crossing at ${word}={value:.{digits}f}\pm{rounded:.{digits}f}$"))
     return marked
 

@@ -366,7 +366,7 @@ def geometry(model):
 def observables(model):
     """{name: function of states (d, ...)} besides H and the Casimir functions.
 
-    A ``spi.expressions.Family`` in place of a function has numbers as arguments in formulas.
+    A ``spi.numerics.types.FunctionFamily`` in place of a function has numbers as arguments in formulas.
     """
 
 

@@ -18,13 +18,13 @@ import numpy as np
 from spi.compiler.dispatch import MOST
 from spi.numerics import arrays
 from spi.numerics.arrays import of_array, whole_power
+from spi.numerics.types import FunctionFamily
 
 from .arithmetic import COMPARISONS, NumberError, Numbers, read
 from .ranges import FUNCTIONS, TAKEN, Words, parts
 
 __all__ = [
     "Constant",
-    "Family",
     "Observable",
     "as_numpy",
     "canonical",
@@ -64,12 +64,6 @@ class Observable(NamedTuple):
 
     name: str
     values: Callable  #: of states (d, ...)
-
-
-class Family(NamedTuple):
-    """Functions of the state that have a name and numbers as arguments, as E(3)."""
-
-    member: Callable  #: of the numbers: a function of states (d, ...); NumberError where there is none
 
 
 class Each(NamedTuple):
@@ -217,7 +211,7 @@ class _Trees(Words, Numbers):
         components = {f"y{k + 1}": Component(k) for k in range(within)}
         self.named = {name: Component(k) for k, name in enumerate(names)}
         words = {word: value for word, value in (words or {}).items() if word not in TAKEN}
-        self.with_arguments = {word: words.pop(word) for word in [*words] if isinstance(words[word], Family)}
+        self.with_arguments = {word: words.pop(word) for word in [*words] if isinstance(words[word], FunctionFamily)}
         observables = {word: value for word, value in words.items() if isinstance(value, Observable)}
         self.constants = {**Numbers.constants, **words, **components, **self.named, **observables}
         self.indices = {word: value for word, value in words.items() if isinstance(value, int)}

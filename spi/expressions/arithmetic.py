@@ -21,14 +21,12 @@ import re
 from types import MappingProxyType
 from typing import Any
 
+from spi.numerics.types import NumberError
+
 _TOKEN = re.compile(
     r"\s*(?:(?P<literal>(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]+)?)(?P<imaginary>i\b)?"
     r"|(?P<word>[A-Za-z_]\w*)|(?P<sign>\*\*|[<>]=|[-+*/^()<>])|(?P<end>$)|(?P<other>\S))"
 )
-
-
-class NumberError(ValueError):
-    """A text is no number; the message says why in a few words, without a full stop."""
 
 
 def parse(text: str) -> int | float | complex:

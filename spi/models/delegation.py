@@ -89,6 +89,12 @@ def _forwarded(member):
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+def depends_on_time(model):
+    """Whether the equations of a model, or the H of its record for kernels, depend on time."""
+    model = undamped(model)
+    return answers(frozen, model) or answers(frozen, in_kernels(model))
+
+
 @answering_as_inner("squared_length_is_casimir")
 class Damped(NamedTuple):
     """A model with the field -gamma y added: its traits and methods are those of the model, with one more piece."""

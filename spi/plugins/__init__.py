@@ -34,7 +34,8 @@ class Plugin(NamedTuple):
     initial: Mapping[str, str] = _NOTHING  #: key under ``initial`` -> what reads such a mapping
     laws: Mapping[str, str] = _NOTHING  #: name under ``law`` of an initial state -> class of its keys
     grids: Mapping[str, str] = _NOTHING  #: what a state is on, see ``geometry`` -> what makes one of values on a grid
-    films: Mapping[str, str] = _NOTHING  #: the same -> how it is shown in films, see ``spi.kinds.trajectory.film``
+    formats: Mapping[str, str] = _NOTHING  #: ending of a file, as .npy -> what makes an array of its bytes
+    films: Mapping[str, str] = _NOTHING  #: what a state is on -> how films show it, see ``spi.kinds.trajectory.film``
     panels: Mapping[str, str] = _NOTHING  #: "kind.word" -> a further panel of a kind, see ``spi.specs.panels``
     noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> its keys, a ``spi.specs.noise.Driver``
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment

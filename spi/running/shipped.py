@@ -55,9 +55,9 @@ _BLANK = "\n\n"
 
 def example(kind: str, case: type[Any]) -> str:
     """Text of a new experiment of a kind, given its class of cases: `example` of it, then all its other keys."""
-    import yaml  # which a shell that completes names cannot wait for
+    from ..specs.document import Document  # a shell that completes names cannot wait for YAML
 
-    given = yaml.safe_load(case.example)
+    given = Document(case.example, str).data
     sigma = str(given.pop("model", {}).get("sigma", [1, 1, 1])).replace("'", "")
     own = re.sub("^model: .*\n", "", case.example, flags=re.MULTILINE)
     about = f"An experiment of kind {kind}: {' '.join((case.__doc__ or '').partition(_BLANK)[0].split())}"

@@ -1,5 +1,6 @@
 """Cases: the keys that several kinds of experiment have in common, and conditions between them."""
 
+import itertools
 import math
 from collections.abc import Callable, Mapping
 from contextlib import suppress
@@ -12,6 +13,7 @@ from ..compiler.dispatch import MOST, answers
 from ..ensemble.areas import HOW
 from ..ensemble.fields import lie_poisson
 from ..ensemble.increments import CLIPPED, RESCALED, UNCLIPPED
+from ..ensemble.long_states import LongState
 from ..ensemble.protocol import (
     NonNegative,
     Positive,
@@ -51,6 +53,7 @@ from .checks import (
 )
 from .compositions import Compositions, check_steps, weak_order
 from .expect import Expect, claims
+from .files import Files
 from .initial import Initial
 from .keys import (
     Eps,
@@ -307,6 +310,20 @@ class BaseCase(Keys):
     def last_time(self) -> float:
         """Time at which the longest paths end."""
         raise NotImplementedError
+
+    @pydantic.model_validator(mode="after")
+    def _check_seed(self, info: pydantic.ValidationInfo) -> Self:
+        """Case with noise of its own where it begins with the last state of another run."""
+        seeds = info.context.seeds if isinstance(info.context, Files) else {}
+        taken = seeds and seeds.get(LongState(self.initial).digest)
+        if not taken:
+            return self
+        if "seed" not in self.model_fields_set:
+            return self.model_copy(update={"seed": next(seed for seed in itertools.count(1) if seed not in taken)})
+        if self.seed in taken:
+            fault = f"is {self.seed}, as in the run that initial continues, whose noise would come again"
+            raise wrong(fault, "leave it out, or take another number", "seed")
+        return self
 
     @condition
     def _check_dissipation(self) -> Self:

@@ -9,9 +9,9 @@ from pydantic_core import PydanticCustomError
 from ..compiler.dispatch import MOST
 from ..ensemble.areas import fourier_terms, most_terms
 from ..ensemble.fields import lie_poisson
-from ..ensemble.protocol import area_pairs, flows_lacking, inner, why_inexact
+from ..ensemble.protocol import area_pairs, flows_lacking, inner, large, why_inexact
 from ..ensemble.scheme_protocol import judges, needs_areas, substeps
-from ..models.delegation import undamped
+from ..models.delegation import depends_on_time, undamped
 from ..schemes import SCHEMES, weak_exponents
 from ..statistics.estimators import places
 from .keys import quantity, wrong
@@ -101,16 +101,20 @@ def check_flows(case: Any) -> None:
         if method == "munthe_kaas" and not lie_poisson(undamped(case.model)):
             raise wrong("is 'munthe_kaas', which needs a bracket that is linear", "use midpoint", "model", "inner")
         return
-    able = [name for name, row in SCHEMES.items() if not (row.composition or row.multiscale or judges(row.record))]
-    able = [name for name in able if not (needs := SCHEMES[name].needs) or needs(case.model)]
-    part, k = lacking[0]
-    formula, why = why_inexact(undamped(case.model), part, k)
-    why = why.replace(f"'{formula}'", "it")
     for name in case.schemes_used:
         if case.row(name).composition is not None:
-            fault = f"made of exact flows, and none is known of '{formula}': {why}"
-            either = "midpoint (or munthe_kaas)" if lie_poisson(undamped(case.model)) else "midpoint"
-            raise wrong_scheme(case, name, fault, f"add inner: {either} to the model, or use {', '.join(able)}")
+            raise _without_flow(case, name, *lacking[0])
+
+
+def _without_flow(case: Any, name: str, part: str, k: int) -> PydanticCustomError:
+    """Error about a composition of flows of which one is not known, with the schemes that need none."""
+    able = [name for name, row in SCHEMES.items() if not (row.composition or row.multiscale or judges(row.record))]
+    able = [name for name in able if not (needs := SCHEMES[name].needs) or needs(case.model)]
+    formula, why = why_inexact(undamped(case.model), part, k)
+    why = why.replace(f"'{formula}'", "it")
+    fault = f"made of exact flows, and none is known of '{formula}': {why}"
+    either = "midpoint (or munthe_kaas)" if lie_poisson(undamped(case.model)) else "midpoint"
+    return wrong_scheme(case, name, fault, f"add inner: {either} to the model, or use {', '.join(able)}")
 
 
 def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key: str) -> None:
@@ -127,6 +131,9 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
         if truncated and judges(row.record):
             fault = "whose tests of acceptance are those of normal increments, not of clipped ones"
             raise wrong_scheme(case, name, fault, "leave out truncate_noise, or give the scheme a case of its own")
+        if judges(row.record) and large(case.model) and depends_on_time(case.model):
+            fault = "whose flows are accepted by the law exp(-H/T), which is none of an H that depends on time"
+            raise wrong_scheme(case, name, fault, "use splitting_symmetric, or leave t out of the model")
         if row.needs_truncation and name in used and not truncated and case.noise is None:
             right = _apart(name) if max(getattr(case, "extrapolate", (0,))) else "set truncate_noise: true"
             raise wrong_scheme(case, name, "which needs bounded increments", right)

@@ -1,6 +1,7 @@
 """Files that a spec names: the modules that become of them, and initial values that stand in them.
 
     initial: {file: field.npy}
+    initial: {file: field.csv}
 
 With the spec they are kept as texts, the bytes of an array in base64.
 """
@@ -10,7 +11,7 @@ import binascii
 import difflib
 import io
 import traceback
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Collection, Iterable
 from pathlib import Path
 from types import ModuleType
 from typing import Any
@@ -18,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from ..compiler import modules, own
+from ..plugins import Registry, lacking
 from ..storage import contents
 from .keys import shown, wrong
 
@@ -62,6 +64,8 @@ class Files:
         self.folder, self.trusts = Path(spec_path).parent, trusts
         self.texts = dict(given or ()) | dict(added)
         self.complete = given is not None
+        #: Digest of a state in which other runs have ended -> their seeds, whose noise must not come again.
+        self.seeds: dict[str, frozenset[int]] = {}
 
     def text(self, path: str, key: str, most: int = _MOST_BYTES, binary: bool = False) -> str:
         """Text of a file that stands under `key`; raises the error about that key if it cannot be read.
@@ -73,6 +77,12 @@ class Files:
                 raise wrong(f"is {shown(path)}, whose text is not among the files of this spec", "add it to them", key)
             self.texts[path] = self._from_disk(path, key, most, binary)
         return self.texts[path]
+
+    def made(self, path: str, key: str, make: Callable[[], bytes]) -> bytes:
+        """Bytes that are kept as those of a file that there need not be, made once, where they are not given."""
+        if path not in self.texts and not self.complete:
+            self.texts[path] = as_text(make())
+        return content(self.text(path, key))
 
     def module(self, path: str, key: str) -> ModuleType:
         """Module with the text of a Python file; raises the error about `key` if it cannot be imported."""
@@ -128,8 +138,9 @@ def _line(error: BaseException) -> str:
 # ---------------------------------------------------------------------------------------------------------------------
 
 _MOST_OF_ARRAYS = 9_000_000  # bytes: 1024 x 1024 numbers
+_MOST_OF_TEXTS = 30_000_000  # of the same as text
 _MOST_UNPACKED = 90_000_000  # of an array of increments
-_RIGHT = "give a file that numpy.save wrote, of real or complex numbers in one or two dimensions"
+_RIGHT = "give a file that numpy.save wrote, of real or complex numbers"
 
 
 def array_text(values: Any) -> str:
@@ -140,12 +151,23 @@ def array_text(values: Any) -> str:
 
 
 def array_in(files: Files, path: str) -> np.ndarray:
-    """Array in a file, real, of one dimension or two; raises the error about the key ``file``."""
-    data = content(files.text(path, "file", _MOST_OF_ARRAYS, binary=True))
-    try:
-        values = array_of(data)
-    except ValueError:
-        raise wrong(f"is {shown(path)}, which is no array", _RIGHT, "file") from None
+    """Array in a file, real; raises the error about the key ``file``."""
+    ending = Path(path).suffix.lower()
+    if advice := lacking("formats", ending):
+        raise wrong(f"is {shown(path)}, a format that is not here", advice, "file")
+    if ending not in FORMATS:
+        data = content(files.text(path, "file", _MOST_OF_ARRAYS, binary=True))
+        try:
+            values = array_of(data)
+        except ValueError:
+            raise wrong(f"is {shown(path)}, which is no array", _RIGHT, "file") from None
+    else:
+        data = content(files.text(path, "file", _MOST_OF_TEXTS, binary=True))
+        try:
+            values = FORMATS[ending](data)
+        except ValueError as error:
+            right = f"correct the file, or {_RIGHT}"
+            raise wrong(f"is {shown(path)}, which cannot be read ({error})", right, "file") from None
     check_finite(values, shown(path), "file")
     return values
 
@@ -175,19 +197,47 @@ def unpacked(data: bytes, dimensions: tuple[int, ...], names: tuple[str, ...] = 
 
 
 def array_of(data: bytes) -> np.ndarray:
-    """Array in a file of ``numpy.save``, real, of one dimension or two; ValueError if it is damaged."""
+    """Array in a file of ``numpy.save``, real, of one to five dimensions; ValueError if it is damaged."""
     try:
-        return _real(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False), (1, 2))
+        return _real(np.lib.format.read_array(io.BytesIO(data), allow_pickle=False), range(1, 6))
     except Exception as error:
         raise ValueError(f"no such array: {error}") from None
 
 
-def _real(values: np.ndarray, dimensions: tuple[int, ...]) -> np.ndarray:
+def table_of(data: bytes) -> tuple[list[str], np.ndarray]:
+    """(names in the first line, if it has no numbers; (rows, columns)) of a CSV file; ValueError if it is none."""
+    lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip()]
+    head = [name.strip() for name in lines[0].split(",")] if lines else []
+    head, rows = ([], lines) if any(map(_is_number, head)) else (head, lines[1:])
+    return head, np.loadtxt(rows, delimiter=",", comments=None, ndmin=2) if rows else np.empty((0, 0))
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _of_table(data: bytes) -> np.ndarray:
+    """Array in a CSV file, of one dimension if it has one row or one column."""
+    _, values = table_of(data)
+    if not values.size:
+        raise ValueError("no numbers")
+    return values.ravel() if 1 in values.shape else values
+
+
+#: Ending of a file -> function (bytes) that returns the array in it, or raises ValueError; the others are NumPy's.
+FORMATS = Registry("formats", {".csv": _of_table})
+
+
+def _real(values: np.ndarray, dimensions: Collection[int]) -> np.ndarray:
     """An array of numbers, each complex one in a list as its real and its imaginary part; ValueError about others."""
     if values.dtype.kind not in "iufc" or values.ndim not in dimensions or not values.size:
         raise ValueError("not such an array")
     if values.dtype.kind == "c":
-        if values.ndim == 2:
+        if values.ndim > 1:
             raise ValueError("a complex field")
         values = np.stack([values.real, values.imag], axis=-1).ravel()
     return values.astype(float)

@@ -25,7 +25,7 @@ from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import has_range, without_ranges
 from ..models.delegation import undamped
 from ..plugins import Registry, lacking
-from .files import Files, array_in, check_finite, content, unpacked
+from .files import Files, array_in, check_finite, content, table_of, unpacked
 from .keys import (
     ABSENT,
     Keys,
@@ -215,28 +215,18 @@ def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]
     names = _names(model)
     right = f"must have the columns {', '.join(names)}, and perhaps weight"
     try:
-        lines = [line for line in data.decode("utf-8-sig").splitlines() if line.strip()]
-        head = [name.strip() for name in lines[0].split(",")] if lines else []
-        head, rows = (names, lines) if any(map(_is_number, head)) else (head, lines[1:])
-        values = np.loadtxt(rows, delimiter=",", comments=None, ndmin=2) if rows else np.empty(0)
+        head, values = table_of(data)
     except ValueError as error:  # which UnicodeDecodeError is as well
         right += f"; or be an .npz of numpy.savez with an array y of {len(names)} columns, and perhaps weight"
         raise wrong(f"is {shown(path)}, which is no CSV of numbers ({error})", right, "file") from None
-    if not rows:
+    if not len(values):
         raise wrong(f"is {shown(path)}, which has no states", right, "file")
+    head = head or names
     if sorted({*head} - {"weight"}) != sorted(names) or len({*head}) != len(head) or values.shape[1] != len(head):
         fault = f"with {values.shape[1]} columns" if head == names else f"with the columns {', '.join(head)}"
         raise wrong(f"is {shown(path)}, {fault}", right, "file")
     columns = dict(zip(head, values.T, strict=True))
-    return np.stack([columns[name] for name in names], axis=1), columns.get("weight", np.ones(len(rows)))
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
+    return np.stack([columns[name] for name in names], axis=1), columns.get("weight", np.ones(len(values)))
 
 
 def _of_npz(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -259,7 +249,7 @@ class FromFile(Keys):
     """An initial value of any model that stands in a file."""
 
     file: key_of(
-        str, "a file of numpy.save: a number per component, or a field on a square grid of at least N points a side"
+        str, "an array, of numpy.save or CSV: a number per component, or values on the grid or lattice of the states"
     )
     subtract_mean: key_of(pydantic.StrictBool, "subtract the mean of the field on the grid") = False
 

@@ -18,7 +18,7 @@ from typing import Annotated, Any, NamedTuple
 import numpy as np
 import pydantic
 
-from spi.numerics.types import Array
+from spi.numerics.types import Array, FunctionFamily
 
 from ..compiler.dispatch import answers
 from ..ensemble.observer import energies, invariants_of
@@ -26,17 +26,16 @@ from ..ensemble.protocol import (
     casimirs,
     conserved,
     dimension,
-    frozen,
     hamiltonian,
     in_kernels,
     large,
     named_numbers,
     observables,
 )
-from ..expressions import Family, Observable
+from ..expressions import Observable
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import meaning_of
-from ..models.delegation import undamped
+from ..models.delegation import depends_on_time, undamped
 from ..numerics.rng import LANES
 from .keys import Keys, key_of, shown, wrong
 
@@ -99,7 +98,7 @@ def named_in(text: str, model: Any, variables: Iterable[str] = (), code: Code | 
     named = ChainMap(own_code, named)
     values = {word: named[word] for word in _WORD.findall(text) if word in named}
     values |= {name: _invariant(model, match[1]) for name, match in found.items() if name not in named}
-    each = {name: f if isinstance(f, Family) else Observable(name, f) for name, f in values.items()}
+    each = {name: f if isinstance(f, FunctionFamily) else Observable(name, f) for name, f in values.items()}
     return {**named_numbers(own), **each}
 
 
@@ -165,7 +164,7 @@ def _takes_arrays(model: Any) -> bool:
 def _invariant(model: Any, digits: str | None) -> Callable[[Array], Array]:
     """H, for None, or a Casimir function by its number from 1 on, C being the only one."""
     count = conserved(model)
-    if digits is None and answers(frozen, undamped(model)):
+    if digits is None and depends_on_time(model):
         raise NumberError("H depends on time; write it as a function of the state")
     number = int(digits or (count == 1)) if digits is not None else None
     if number is not None and not 0 < number <= count:

@@ -17,7 +17,7 @@
 
 A study makes such a record; ``record.group()`` is the group that stores it and ``Energies.of(group)`` the record again.
 Long names, formulas and units go into the file with the arrays, and from there to xarray.  From the same fields come
-the quantities that a spec may expect (``spi.statistics.claims``), rows of CSV and JSON (``spi.printing.rows``), tables
+the quantities that a spec may expect (``spi.statistics.claims``), tables of exports (``spi.printing.rows``), tables
 (``spi.printing.tables``) and the page docs/reference/results.md.
 
 A field that is None is not stored.  Axes that no field describes, as "casimir", are numbered from 0.  A field that is a

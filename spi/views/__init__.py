@@ -292,15 +292,18 @@ def _formulas(spec: str, key: str) -> dict[str, str]:
     return {str(name): str(text) for name, text in named if isinstance(text, str | int | float) and name not in own}
 
 
-def film(results: StoredResults) -> "Film":
-    """Film of results; ValueError if there is none for their kind, or nothing that moves."""
+def film(results: StoredResults, **given: Any) -> "Film":
+    """Film of results; ValueError if there is none for their kind, or nothing that moves.
+
+    What may be given is the same as for :func:`figure`: a film has its width, height and letters.
+    """
     from ..drawing import page
 
     kind: Any = results.attributes.get("kind")
     draw = getattr(KINDS[kind].figure, "film", None) if kind in KINDS else None
     if draw is None:
         raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
-    with page.applied():
+    with page.applied(page.named(**chosen(results, **given))):
         film: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
         return film
 
@@ -312,15 +315,23 @@ def problem(path: Path, error: Exception) -> str:
     return text if text.startswith(f"{path}: ") else f"{path}: {text}"
 
 
-def save_film(film: "Film", folder: str | Path, stem: str, report: Callable[[int, int], None]) -> Path:
-    """Write ``<stem>.gif`` into ``folder``, whole or not at all; StorageError if that is not possible.
+def save_film(
+    film: "Film",
+    folder: str | Path,
+    stem: str,
+    report: Callable[[int, int], None],
+    form: str = "gif",
+    fps: float | None = None,
+) -> Path:
+    """Write ``<stem>.gif``, or ``.mp4``, into ``folder``, whole or not at all; StorageError if that is not possible.
 
-    `report` is told the frames drawn and how many there are.
+    `report` is told the frames drawn and how many there are; there are `fps` a second.  ValueError about an MP4 if
+    there is no ffmpeg.
     """
-    from ..drawing.film import as_gif
+    from ..drawing.film import as_bytes
 
-    path = Path(folder, f"{stem}.gif")
-    write_all({path: as_gif(film, report)})
+    path = Path(folder, f"{stem}.{form}")
+    write_all({path: as_bytes(film, form, report, fps)})
     return path
 
 

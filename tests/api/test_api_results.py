@@ -13,7 +13,7 @@ from trajectory_results import trajectories, trajectory_group
 from weak_results import at_eps, weak, weak_group
 
 import spi
-from spi import storage
+from spi import storage, views
 from spi.api.progress import ProgressDisplay
 from spi.drawing import Figure
 from spi.kinds import KINDS
@@ -218,6 +218,12 @@ def test_results_of_every_kind_are_written_as_netcdf(kind, tmp_path):
     group = filled(kind)
     group.attributes.update({"truncate_noise": True, "flags": (True, False), "nothing": None})
     results = spi.Results(records.StoredResults({"kind": kind, "title": "A title", "complete": True}, (group,)))
+    (reading,) = views.readings(results.stored)
+    for name, (_, values) in reading.exported().items():  # with the ends of intervals
+        if name not in group.attributes:
+            assert np.array_equal(results.dataset[name], values, equal_nan=values.dtype.kind == "f")
+    for name, table in results.tables.items():
+        assert len(table) and results.table(name).equals(table)
     results.dataset.to_netcdf(tmp_path / "one.nc", engine="h5netcdf")
     with xarray.open_dataset(tmp_path / "one.nc", engine="h5netcdf") as again:
         assert again.attrs["truncate_noise"] == 1 and again.attrs["flags"].tolist() == [1, 0]

@@ -1,6 +1,7 @@
 """What a person chooses of a figure: by options of `spi plot`, by words of Python, and by the key ``figure``."""
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -11,13 +12,17 @@ from strong_results import H, strong, strong_group
 
 import spi
 from spi import storage, views
-from spi.drawing import page
+from spi.drawing import page, style, sweeps
 from spi.specs.figures import FIGURE_KEYS, read_figure
+from spi.statistics.claims import Quantity, Sort
+from spi.statistics.curves import crossings, curves
+from spi.storage.stored import Description, Swept
 
 #: A value of each, as text and as data that mean the same.
 SAME = {
     "panels": ("error,casimirs", ["error", "casimirs"]),
     "overlay": ("cases", "cases"),
+    "crossing": ("error", "error"),
     "title": ("Two", "Two"),
     "labels": ("error=the error, h=step", {"error": "the error", "h": "step"}),
     "log": ("xy", "xy"),
@@ -116,3 +121,90 @@ def test_a_label_without_room_is_its_words(tmp_path):
     assert low.get_ylabel().replace("\n", " ") == "strong error"
     assert "sup" in views.figure(errors("one", "two"), width="16cm").panels[0].get_ylabel()
     assert np.isfinite(low.get_ylim()).all()
+
+
+def test_an_overlay_has_the_lines_of_all_cases_in_one_panel():
+    """Each with the title of its case, in a colour and with a marker of its own; parameters are what they share."""
+    two = strong(*(strong_group("splitting", case, case_title=f"$L={case}$") for case in ("8", "16")))
+    fig = views.figure(two, overlay="cases", labels={"error": "my error"}, colors={"16": "red"})
+    (ax,) = fig.panels
+    texts = [text.get_text() for text in fig.legends[0].get_texts()]
+    assert {"$L=8$", "$L=16$"} <= {text.split(":")[0] for text in texts} and ax.get_ylabel() == "my error"
+    lines = {str(line.get_label()): line for line in ax.lines}
+    assert lines["$L=16$"].get_color() == "#ff0000" and lines["$L=8$"].get_marker() != lines["$L=16$"].get_marker()
+    labels = {line.get_label() for line in views.figure(errors("8", "16"), overlay="cases").panels[0].lines}
+    assert {"case 8, splitting, noise first (slpI)", "case 16, midpoint"} <= labels
+    with pytest.raises(ValueError, match="overlay: is 'K', which is not the second of two swept words; must be cases"):
+        views.figure(two, overlay="K")
+
+
+def swept(name, values, over, shift=0.0, second=False, function="binder"):
+    """A curve (value - shift) with errors of 0.01, over one word or over two."""
+    points = []
+    for T in values:
+        for K in (1.0, 2.0) if second else (math.nan,):
+            told = {"second_word": "K", "second_value": K} if second else {}
+            about = described(f"{name}_{T}_{K}", Swept(word=over, value=T, owner=name, title=f"{name} sites", **told))
+            value = T * (K if second else 1) - shift
+            points.append(Quantity("derived", about, value, value - 0.01, value + 0.01, function, h=0.5))
+    return curves(points, ["derived"])
+
+
+def described(case, swept):
+    told = {"seed": 1, "model": "m", "parameters": {}, "initial": None, "final_time": 1.0, "truncate_noise": False}
+    told |= {"case_title": "", "scheme": "splitting", "scheme_label": "", "eps": None}
+    return Description(case=case, variant="splitting", swept=swept, **told)
+
+
+def drawn(cases, **chosen):
+    with page.applied(page.named(**chosen)):
+        return sweeps.draw("A title", cases, {"derived": Sort("equal", named=True)})
+
+
+T = (1.0, 1.2, 1.4, 1.6)
+
+
+def test_where_two_curves_cross_is_known_with_its_interval():
+    """x and 2x - 1.3, whose errors are independent, cross at 1.3; the interval is that of a line of least squares."""
+    one, other = swept("small", T, "T")[0], swept("large", T, "T")[0]
+    steep = tuple(
+        p._replace(value=2 * p.value - 1.3, low=2 * p.value - 1.31, high=2 * p.value - 1.29) for p in other.points
+    )
+    ((place, half),) = crossings(one, other._replace(points=steep))
+    assert place == pytest.approx(1.3) and half == pytest.approx(0.01)  # (0.01^2 + 0.01^2)^(1/2) / 2^(1/2)
+    cases = [("8", [one], []), ("16", [other._replace(points=steep)], [])]
+    fig = drawn(cases, overlay="cases", crossing="binder", labels={"binder": "Binder cumulant"})
+    (ax,) = fig.panels
+    assert ax.get_ylabel() == r"$\mathrm{Binder\ cumulant}$" and ax.get_title(loc="left").strip() == ""
+    assert r"crossing at $T=1.300\pm0.010$" in [text.get_text() for text in fig.legends[0].get_texts()]
+    assert "$h=2^{-1}$" in " ".join(text.get_text() for text in fig.texts)  # and not in the label
+    with pytest.raises(ValueError, match="crossing: needs two lines over a number, and there are 1; give overlay"):
+        drawn(cases, crossing="binder")
+
+
+def test_the_second_swept_word_as_lines():
+    (curve,) = swept("one", T, "T", second=True)
+    lines = sweeps.each_value(curve)
+    assert [line.second_word for line in lines] == ["", ""] and [len(line.points) for line in lines] == [4, 4]
+    fig = drawn([("", lines, [])])
+    assert {"$K=1$", "$K=2$"} <= {line.get_label() for line in fig.panels[0].lines}
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        (r"at $\lambda = 4$", r"at $\lambda = 4$"),
+        ("from $5 to $6", r"from \$5 to \$6"),
+        (r"wrong $\frac$", r"wrong \$\frac\$"),
+        ("a $ alone", r"a \$ alone"),
+    ],
+)
+def test_mathematics_in_a_text_is_set_and_other_dollars_are_dollars(text, shown):
+    assert style.plain(text) == shown
+    views.figure(strong(strong_group("splitting"), title=text)).draw_without_rendering()
+
+
+def test_greek_names_are_greek_letters():
+    names = ("lambda", "mu_2", "Omega", "mass", "w0", "eps")
+    assert [style.symbol(name) for name in names] == [r"\lambda", r"\mu_{2}", r"\Omega", "", "w_{0}", r"\varepsilon"]
+    assert style.maths("2*mu + lambda_1") == r"$2\,\mu  + \lambda _1$"

@@ -58,17 +58,28 @@ def test_changes_of_casimirs_at_their_own_scale():
 
 def test_two_casimirs_and_complex_modes():
     y = np.tile([0.1, 0.3, 0.2, 0.3, 0.3, -0.2, 0.4, 0.1], (101, 1))
-    group = path_group(
-        "splitting", y, np.tile([0.53, 0.0], (101, 1)), panels=("casimirs", "components"), model="sine_euler"
-    )
+    casimirs = np.stack([0.53 + 1e-3 * T, np.where(T > 0, 1e-2, 0.0)], axis=1)
+    group = path_group("splitting", y, casimirs, panels=("casimirs", "components"), model="sine_euler")
     fig = rendered(views.figure(trajectories(group)))
     one, two, modes = fig.axes
     assert [ax.get_ylabel() for ax in (one, two)] == ["$C_{1}$$(y)$", "$C_{2}$$(y)$"]
-    assert two.get_ylim()[0] < -0.1
     assert r"\omega(0)=(0.1+0.3i,\,0.2+0.3i,\,0.3-0.2i,\,0.4+0.1i)" in fig.texts[1].get_text()
     names = {line.get_label() for line in modes.lines}
     assert len(names) == 8 and r"$\mathrm{Im}\,\omega_{(-1,1)}$" in names
     assert len({(line.get_color(), line.get_linestyle()) for line in modes.lines}) > 4
+
+
+def test_what_all_schemes_conserve_is_a_line_of_text_beside_other_panels():
+    """With how well; where it is all that is shown it has its panel, and where a scheme loses it, too."""
+    casimirs = np.stack([0.5 + 3e-16 * np.sin(T), 1 + T], axis=1)
+    kept = path_group("splitting", np.tile([0.1, 0.3], (101, 1)), casimirs, panels=("casimirs",))
+    fig = rendered(views.figure(trajectories(kept)))
+    assert [ax.get_ylabel() for ax in fig.axes] == ["$C_{2}$$(y)$"]
+    assert r"$C_{1}$$(y)$ conserved to $4\cdot10^{-16}$" in fig.texts[1].get_text()
+    lost = path_group("midpoint", np.tile([0.1, 0.3], (101, 1)), casimirs + 0.1 * T[:, None], panels=("casimirs",))
+    assert len(views.figure(trajectories(kept, lost)).axes) == 2
+    alone = path_group("splitting", np.tile([0.1, 0.3], (101, 1)), casimirs[:, :1], panels=("casimirs",))
+    assert len(views.figure(trajectories(alone)).axes) == 1
 
 
 def test_what_is_undefined_for_a_while_is_a_gap():

@@ -74,15 +74,19 @@ TESTS = Path(__file__).parents[1]
 AT_TOP = {"yaml_cases.py"}
 
 
-def test_tests_of_the_core_import_plugins_within_functions():
-    """Else a whole file is skipped where one of them is left out, with all that it says of the core."""
-    of_plugins = {file.stem for file in TESTS.glob("plugins/*/*.py")} | {Path(name).stem for name in AT_TOP}
+def test_tests_import_plugins_within_functions():
+    """Else a file of tests of the core is skipped as a whole where one is left out, with all that it says of the core;
+    and modules of tests of a plug-in, which leave with it, are those of this plug-in and of plug-ins that need it."""
+    of_plugins = {file.stem: file.parent.name for file in TESTS.glob("plugins/*/*.py")}
     found = set()
-    for file in set(TESTS.rglob("*.py")) - set(TESTS.rglob("plugins/**/*.py")):
+    for file in TESTS.rglob("*.py"):
+        here = file.parent.name if file.parent.parent.name == "plugins" else None
+        may = {here, *(plugins.installed()[here].needs if here else ())}
         for line in ast.parse(file.read_text(encoding="utf-8")).body:
             inside = f"{line.module}." if isinstance(line, ast.ImportFrom) else ""
             for name in (f"{inside}{one.name}" for one in getattr(line, "names", ())):
-                if plugin_of(name) or name.split(".")[0] in of_plugins:
+                there = of_plugins.get(first := name.split(".")[0]) or (None if here else plugin_of(name))
+                if there not in (None, *may) or (not here and f"{first}.py" in AT_TOP):
                     found.add(file.relative_to(TESTS).as_posix())
     assert found <= AT_TOP and (found == AT_TOP or left_out.names())
 

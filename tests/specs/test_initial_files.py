@@ -46,7 +46,7 @@ def written(data):
     return lambda path: path.write_bytes(data)
 
 
-NONE = "is 'y.npy', which is no array; give a file that numpy.save wrote, of real or complex numbers in one or two"
+NONE = "is 'y.npy', which is no array; give a file that numpy.save wrote, of real or complex numbers"
 CLAIMS = np.lib.format.magic(1, 0) + b"\x76\x00{'descr': '<f8', 'fortran_order': False, 'shape': (10000000000,)}"
 
 
@@ -56,7 +56,8 @@ CLAIMS = np.lib.format.magic(1, 0) + b"\x76\x00{'descr': '<f8', 'fortran_order':
         (saved(np.ones(8)), "has 8 entries; must have 3, the dimension of rigid_body"),
         (saved(np.array([1.0, np.nan])), "is 'y.npy', which is not finite at [1]; all numbers must be finite"),
         (saved(np.array(["a"])), NONE),
-        (saved(np.zeros((2, 2, 2))), NONE),
+        (saved(np.zeros((2, 2, 2))), "initial.file: has 2 x 2 x 2 numbers; must have one dimension"),
+        (saved(np.zeros((1,) * 6)), NONE),
         (saved(np.zeros((0,))), NONE),
         (written(b"[1, 2]"), NONE),
         (written(CLAIMS.ljust(128) + bytes(80)), NONE),

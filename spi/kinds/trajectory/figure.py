@@ -58,7 +58,9 @@ def times_shown(readings: TrajectoryReadings) -> tuple[float, float]:
     return float(t[0]), float(t[-1] if len(t) > 1 else t[0] + 1)
 
 
-def _over_time(field: str, label: str, facet: str = "", errors: bool = False, further: Any = None) -> panels.CurvePanel:
+def _over_time(
+    field: str, label: str, facet: str = "", errors: bool = False, further: Any = None, conserved: bool = False
+) -> panels.CurvePanel:
     """A quantity of each path over time; `further` changes its panels."""
 
     def framed(plot: plots.Plot, readings: TrajectoryReadings, place: int) -> plots.Plot:
@@ -66,7 +68,7 @@ def _over_time(field: str, label: str, facet: str = "", errors: bool = False, fu
         plot = plot._replace(xlim=times_shown(readings), ylim=window(curves, errors))
         return further(plot, readings, place) if further else plot
 
-    return panels.CurvePanel(field, "t", facet, label=label, then=framed)
+    return panels.CurvePanel(field, "t", facet, label=label, then=framed, conserved=conserved)
 
 
 def _but_for_damping(plot: plots.Plot, readings: TrajectoryReadings, place: int) -> plots.Plot:
@@ -243,11 +245,11 @@ def _section(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots
 
 
 PANELS: dict[str, Any] = {
-    "functions": [panels.CurvePanel("value", "t", "function", label="${f}$")],
+    "functions": [panels.CurvePanel("value", "t", "function", label="${f}$", conserved=True)],
     "section": [panels.OwnPanels(_section)],
-    "casimirs": [_over_time("casimirs", "{name}$(y)$", "casimir")],
+    "casimirs": [_over_time("casimirs", "{name}$(y)$", "casimir", conserved=True)],
     "casimir_errors": [_over_time("changes", "{name}$(y)-${name}$(y_0)$", "casimir", True, _but_for_damping)],
-    "hamiltonian": [_over_time("hamiltonian", "$H(y)$")],
+    "hamiltonian": [_over_time("hamiltonian", "$H(y)$", conserved=True)],
     "components": [panels.OwnPanels(_components)],
     "populations": [_over_time("y", "{name}", "component", further=_populated)],
     "sphere": [panels.OwnPanels(_sphere)],

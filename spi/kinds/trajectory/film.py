@@ -63,7 +63,7 @@ def film(title: str, cases: Sequence[FilmReadings]) -> Film:
         for ax in axes[-1]:
             ax.set_xlabel(name)
     frames = max(len(states) for *_, states in screens)
-    width = layout.film_left + columns * side + layout.film_bar * len(rows)
+    width = layout.width or layout.film_left + columns * side + layout.film_bar * len(rows)
     style.dress(fig, width, len(rows) * (side + layout.film_row), title, [])
     _show(screens, frames, 0)
     fig.draw_without_rendering()

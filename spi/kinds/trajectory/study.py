@@ -10,17 +10,16 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.compiler.dispatch import answers
 from spi.ensemble.loop import BATCH_SECONDS, TimeGrid, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
-from spi.ensemble.protocol import decay_rates, frozen, geometry, large, one_path
+from spi.ensemble.protocol import decay_rates, geometry, large, one_path
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import paths_moved, reported
 from spi.kinds.functions import evaluated, function_of
 from spi.kinds.plans import Done, KernelCall, PartCost, Plan, State, each_scheme, path_grid
-from spi.models.delegation import undamped
+from spi.models.delegation import depends_on_time
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
 from spi.statistics.tallies import Chunk, PathSet
@@ -220,7 +219,7 @@ class TrajectoryPlan(Plan):
         found[:1] &= g[:1] != 0  # a path that begins on the section does not cross it there
         at = np.flatnonzero(found)
         coins = judges(self.scheme) or any(stage.coin is not None for stage in getattr(self.scheme, "stages", ()))
-        moves = self.is_noisy or answers(frozen, undamped(case.model)) or memory_size(self.scheme, self.model)
+        moves = self.is_noisy or depends_on_time(case.model) or memory_size(self.scheme, self.model)
         by_steps = not coins and not moves
         theta, states = g[at] / (g[at] - g[at + 1]), y[at] + 0.0
         for k, n in enumerate(at.tolist()):

@@ -11,6 +11,7 @@ PLUGIN = Plugin(
         "statistics": "spi.plugins.dynamics.kinds.statistics",
         "lyapunov": "spi.plugins.dynamics.kinds.lyapunov",
     },
+    initial={"results": "spi.plugins.dynamics.specs.restart:Restart"},
     laws={
         "uniform_on_surface": "spi.plugins.dynamics.specs.laws:OnSurface",
         "gibbs": "spi.plugins.dynamics.specs.laws:OfGibbs",

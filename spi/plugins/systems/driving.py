@@ -11,8 +11,9 @@ from typing import Any, NamedTuple
 
 import sympy
 
+from spi.numerics.averages import NODES
+
 from .code import Formula
-from .numerics.averages import NODES
 
 TIME = sympy.Symbol("t", real=True)
 MEAN, MIDDLE = "mean", "middle"

@@ -226,8 +226,8 @@ __system__ = {{"name": "{name}", "variables": {names!r}{inexact}}}
 '''
 
 
-_HEAD_IN_TIME = """from spi.plugins.systems.numerics.averages import mean as _mean
-from spi.plugins.systems.numerics.averages import signed_root_mean_square as _signed_root_mean_square
+_HEAD_IN_TIME = """from spi.numerics.averages import mean as _mean
+from spi.numerics.averages import signed_root_mean_square as _signed_root_mean_square
 
 __system__ |= {{"driving": {}, "strengths": {}}}"""
 

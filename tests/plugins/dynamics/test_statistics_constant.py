@@ -1,17 +1,21 @@
 """Statistics of what is constant up to rounding: that constant, and nothing that is made of roundings."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
-from helpers import loop_in_python
+from filled_results import filled
+from helpers import loop_in_python, printed
 from states import finished
 from statistics_cases import results_of, written
 
+from spi import views
 from spi.plugins.dynamics.kinds.statistics import study
 from spi.plugins.dynamics.kinds.statistics.figure import PANELS
 from spi.running.load import load
 from spi.statistics.claims import CONFIRMED, CONSISTENT, INCONCLUSIVE, judge, quantities
 from spi.statistics.rounding import rounding
-from spi.storage import Part
+from spi.storage import Part, StoredResults
 
 ENSTROPHY = 0.4725  # that of the issue
 FUNCTIONS = "functions={enstrophy: 0.4725*(y1^2+y2^2+y3^2), gone: C1 - 1, square: y1^2, tail: 1 + tanh(100*(2 - y1))}"
@@ -89,17 +93,21 @@ def test_the_enstrophy_of_a_fluid(tmp_path):
     assert found.variance[0, -1] < 1e-28
 
 
-def test_a_figure_shows_a_constant_as_a_line_and_nothing_of_its_roundings(found):
+def test_a_figure_says_that_a_constant_is_one_and_shows_nothing_of_its_roundings(found):
     looks = {found.about.variant: ("o", "#000000")}
     plots = {
         name: [plot for panel in panels for plot in panel.expand([found], looks)] for name, panels in PANELS.items()
     }
-    constant, square = plots["mean"][0], plots["mean"][2]
+    same, square = plots["mean"][0], plots["mean"][2]
+    assert same.text.startswith(r"$\mathrm{E}\,[\mathrm{enstrophy}]$ conserved")
+    (constant,) = same.panels
     line = constant.series[0]
     assert (line.y == found.mean[0, 0]).all() and line.low is None and len(constant.series) == 2  # and the reference
     assert np.ptp(square.series[0].y) > 0.01 and square.series[0].low is not None and len(square.series) == 4
     assert not plots["difference"]
-    of_square = {name: [plot for plot in each if "square" in plot.title] for name, each in plots.items()}
+    of_square = {
+        name: [plot for plot in each if "square" in getattr(plot, "title", "")] for name, each in plots.items()
+    }
     for name in ("histogram", "variance", "autocorrelation", "time_correlation", "integral", "spectrum"):
         assert len(of_square[name]) == 1 and not any("enstrophy" in plot.title for plot in plots[name])
 
@@ -111,3 +119,13 @@ def test_no_claim_about_a_constant_is_contradicted_by_rounding(tmp_path):
     verdicts = {one.claim.quantity: one.verdict for one in judge(case.claims, quantities([results_of(case)]))}
     near = {"mean": CONSISTENT, "quantile": CONSISTENT, "variance": CONSISTENT}
     assert verdicts == near | {"autocorrelation": INCONCLUSIVE, "deviation": CONFIRMED}
+
+
+def test_of_stationary_paths_spectra_are_shown_first_and_each_mean_once():
+    results = StoredResults({"kind": "statistics", "title": ""}, (filled("statistics"),))
+    (reading,) = views.readings(results)
+    assert [*reading.shown_places] == [(0, 3), (1, 3)]
+    text = printed(results)
+    assert text.index("structure factor") < text.index("correlations in time") < text.index("mean (95 %)")
+    moving = replace(reading, time=None, rounding=None)
+    assert len([*moving.shown_places]) == 2 * 4

@@ -3,7 +3,6 @@
 import numpy as np
 import pytest
 from helpers import COMPILED, loop_in_python
-from long_results import equilibrium, equilibrium_group
 from view_helpers import bars_of, legend_texts, points_of
 
 from spi import storage, views
@@ -61,8 +60,11 @@ def test_a_spectrum_over_paths(spec, tmp_path):
     np.testing.assert_allclose(np.array(bars_of(ax, "$t=0.5$")), expected, rtol=1e-12)
 
 
+@pytest.mark.needs("dynamics")
 def test_a_spectrum_over_time():
     """At the smallest step size, with the intervals of the means; functions that are no E(k) are left out"""
+    from long_results import equilibrium, equilibrium_group
+
     group = equilibrium_group("splitting", panels=("energy_spectrum",))
     group.attributes["texts"] = ("E(2)", "E(1)")
     average, half = (group.variables[name][1] for name in ("average", "average_half"))

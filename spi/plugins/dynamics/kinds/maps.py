@@ -4,11 +4,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.compiler.dispatch import answers
-from spi.ensemble.protocol import frozen
 from spi.ensemble.random_states import RandomState, Spheres
 from spi.kinds.functions import path_function
-from spi.models.delegation import undamped
+from spi.models.delegation import depends_on_time
 from spi.plugins.dynamics.statistics.cells import cells_around, places_in_cells, share_stderr
 from spi.storage.stored import Array, Described, array, axis, derived
 
@@ -91,7 +89,7 @@ class Cells(NamedTuple):
     def gibbs(self, model: Any, initial: Any, temperature: float) -> Array | None:
         """Density of exp(-H/T) in the cells of the sphere through `initial`; None where that is not the law."""
         of_law = initial.law.surface if isinstance(initial, RandomState) else initial
-        if self.pair or not np.isfinite(temperature) or of_law is None or answers(frozen, undamped(model)):
+        if self.pair or not np.isfinite(temperature) or of_law is None or depends_on_time(model):
             return None
         fine = [(np.arange(_WITHIN * n) + 0.5) / (_WITHIN * n) for n in self.number]
         z, longitude = np.meshgrid(2 * fine[0] - 1, np.pi * (2 * fine[1] - 1), indexing="ij")

@@ -12,9 +12,9 @@ from annotated_types import Ge, Le
 
 from spi.compiler.dispatch import answers
 from spi.ensemble.long_states import LONG
-from spi.ensemble.protocol import gibbs_law
+from spi.ensemble.protocol import gibbs_law, large
 from spi.ensemble.random_states import LongRandomState, RandomState, Spheres
-from spi.models.delegation import undamped
+from spi.models.delegation import depends_on_time, undamped
 from spi.plugins.dynamics.ensemble.laws import Gibbs, Uniform
 from spi.plugins.dynamics.exact.energies import least_on, quadratic
 from spi.specs.files import Files
@@ -51,6 +51,9 @@ class OfGibbs(Law):
         """A typical state, and the law."""
         if not self.temperature:
             raise wrong("is 0", "must not be", "temperature")
+        if large(model) and depends_on_time(model):
+            right = "give a state, or end a run without t in the model and continue it by results"
+            raise wrong("is 'gibbs', which is of an H that does not depend on time", right, "law")
         own, other = ("sweeps", "through") if answers(gibbs_law, model) else ("through", "sweeps")
         if other in self.model_fields_set:
             raise wrong(f"is not for the model {type(model).__qualname__}", f"leave it out, or give {own}", other)

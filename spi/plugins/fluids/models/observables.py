@@ -6,16 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from spi.expressions import Family
-from spi.expressions.arithmetic import NumberError
 from spi.numerics.arrays import Cos, Sin, of_array
-from spi.numerics.types import Array
+from spi.numerics.types import Array, FunctionFamily, NumberError
 
 from .tables import modes, places, shell
 
 
 @functools.lru_cache(8)
-def observables_of(n: int, tracers: int) -> Mapping[str, Callable[[Array], Any] | Family]:
+def observables_of(n: int, tracers: int) -> Mapping[str, Callable[[Array], Any] | FunctionFamily]:
     """Observables of the states ((1 + tracers) (N^2 - 1), ...) of an N by name."""
     named = {
         "omega_re": _real_part,
@@ -32,9 +30,9 @@ def observables_of(n: int, tracers: int) -> Mapping[str, Callable[[Array], Any] 
     return {**families, "enstrophy": functools.partial(_of_part, _squares, n, 0)}
 
 
-def _family(member: Callable[..., Callable[[Array], Any]], name: str, n: int, part: int) -> Family:
-    """Family of functions of the vorticity, part 0, or of a tracer."""
-    return Family(lambda *arguments: functools.partial(_of_part, member(n, name, *arguments), n, part))
+def _family(member: Callable[..., Callable[[Array], Any]], name: str, n: int, part: int) -> FunctionFamily:
+    """FunctionFamily of functions of the vorticity, part 0, or of a tracer."""
+    return FunctionFamily(lambda *arguments: functools.partial(_of_part, member(n, name, *arguments), n, part))
 
 
 def _of_part(function: Callable[[Array], Any], n: int, part: int, y: Array) -> Any:

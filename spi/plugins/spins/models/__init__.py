@@ -18,12 +18,14 @@ from spi.ensemble.protocol import dimension, flow_ns, noises, pieces
 from spi.models.delegation import answering_as_inner
 
 from .cells import call_of_sums
+from .driving import Course, is_driven
 from .lattices import LATTICES, Cell, Lattice, lattice
 from .observables import observables_of
-from .tables import tables
+from .tables import in_kernels
 from .whole import SampledGibbs, WholeLattice
 
 Vector = tuple[float, float, float]
+Field = tuple[Course, Course, Course]
 _MOST_NAMED = 4096  # sites whose components have names in formulas
 _MOST_SITES = 2**24  # channels of the random numbers
 _SWEEPS = 1000  # over a lattice, by which a state of the Gibbs law is drawn
@@ -70,12 +72,18 @@ class Spins(NamedTuple):
     """A lattice of classical spins, states (x, y, z) of site after site, of length 1."""
 
     lattice: Annotated[
-        Literal["chain", "ring", "square", "triangular", "honeycomb", "cubic", "bcc"] | Cell,
+        Literal[
+            *("chain", "ring", "square", "triangular", "honeycomb", "cubic", "bcc", "kagome"),
+            *("ring_j1_j2", "square_j1_j2", "honeycomb_j1_j2"),
+        ]
+        | Cell,
         "the lattice, or a cell of your own with sites, vectors and bonds",
     ]
     size: Annotated[tuple[Annotated[int, Ge(1)], ...], Len(1, 3), "cells along each vector"]
     bonds: Annotated[tuple[Terms, ...], "terms of bonds, as in {exchange: 1}, or a list by types of bonds"] = ()
-    field: Annotated[Vector | tuple[Vector, ...], "the field B of every site, or of the sites of a cell"] = (
+    field: Annotated[
+        Field | tuple[Field, ...], "the field B of every site, or of the sites of a cell; numbers, or functions of t"
+    ] = (
         0.0,
         0.0,
         0.0,
@@ -116,7 +124,7 @@ class Spins(NamedTuple):
         return dimension(model) // (1 if model.noise.axis is None else 3)
 
     def in_kernels(model):
-        return tables(model, math.inf)
+        return in_kernels(model, math.inf)
 
     def at_temperature(model, temperature):
         return ThermalSpins(model, temperature)
@@ -136,7 +144,7 @@ class Spins(NamedTuple):
         return [call_of_sums(model)]
 
     def one_path(model, scheme, h):
-        return WholeLattice.of(model, math.inf, scheme, h)
+        return None if is_driven(model) else WholeLattice.of(model, math.inf, scheme, h)
 
     def gibbs_law(model, temperature, sweeps):
         return SampledGibbs(model, temperature, sweeps or _SWEEPS)
@@ -213,10 +221,10 @@ class ThermalSpins(NamedTuple):
         return dimension(model.model)
 
     def in_kernels(model):
-        return tables(model.model, model.temperature)
+        return in_kernels(model.model, model.temperature)
 
     def one_path(model, scheme, h):
-        return WholeLattice.of(model.model, model.temperature, scheme, h)
+        return None if is_driven(model.model) else WholeLattice.of(model.model, model.temperature, scheme, h)
 
 
 def _fault(model):

@@ -81,6 +81,27 @@ LATTICES = {
     ),
     "cubic": Cell(_ORIGIN, (_X, _Y, _Z), tuple(_ALONG)),
     "bcc": Cell((*_ORIGIN, (0.5, 0.5, 0.5)), (_X, _Y, _Z), _CORNERS),
+    "kagome": Cell(
+        ((0.0, 0.0, 0.0), (0.5, 0.0, 0.0), (0.25, 0.75**0.5 / 2, 0.0)),
+        (_X, _SLANTED),
+        (
+            *((0, 1, (0, 0, 0)), (0, 2, (0, 0, 0)), (1, 2, (0, 0, 0))),
+            *((1, 0, (1, 0, 0)), (2, 0, (0, 1, 0)), (1, 2, (1, -1, 0))),
+        ),
+    ),
+}
+
+
+def _with_second(name: str, *shifts: tuple[int, int, int]) -> Cell:
+    """A cell that also has the bonds of each site with its like by these shifts, behind the others."""
+    cell = LATTICES[name]
+    return Cell(*cell[:2], (*cell.bonds, *((site, site, shift) for site in range(len(cell.sites)) for shift in shifts)))
+
+
+LATTICES |= {
+    "ring_j1_j2": _with_second("ring", (2, 0, 0)),
+    "square_j1_j2": _with_second("square", (1, 1, 0), (1, -1, 0)),
+    "honeycomb_j1_j2": _with_second("honeycomb", (1, 0, 0), (0, 1, 0), (1, -1, 0)),
 }
 
 

@@ -15,6 +15,7 @@ from spi.ensemble.protocol import dimension
 from spi.numerics.types import Array
 
 from .cells import bond_energy, neighbour_fields
+from .driving import is_driven
 from .lattices import lattice
 from .tables import bond_matrices, tables, unit
 
@@ -275,9 +276,10 @@ def _named(model: Any) -> dict[str, Callable[[Array], Any]]:
     named: dict[str, Callable[[Array], Any]] = {
         f"m{x}": functools.partial(_mean, model, False, c) for c, x in enumerate("xyz")
     }
+    driven = is_driven(model)  # then what has the field in it is no function of the state
     if _sublattices(model)[0].site_colours.max() == 1:
         named |= {f"n{x}": functools.partial(_mean, model, True, c) for c, x in enumerate("xyz")}
-    for along in range(len(model.size)):
+    for along in range(len(model.size) if not driven else 0):
         number = along + 1 if len(model.size) > 1 else ""
         named[f"energy_current{number}"] = functools.partial(_energy_current, model, along)
         named |= {
@@ -287,9 +289,11 @@ def _named(model: Any) -> dict[str, Callable[[Array], Any]]:
         }
     if len(model.size) == 2 and len(model.cell.sites) == 1:
         named["charge"] = functools.partial(_charge, model)
-    named["H"] = functools.partial(_energy, model)
     if _is_long(model):
         named |= dict.fromkeys(("C", "C1"), functools.partial(_lengths, model))
+    if driven:
+        return named
+    named["H"] = functools.partial(_energy, model)
     named["torque2"] = functools.partial(_torques, model)
     named["laplacian"] = functools.partial(_laplacian, model)
     named["spin_temperature"] = functools.partial(_spin_temperature, model)

@@ -13,6 +13,7 @@ import numpy as np
 
 from spi.numerics.rng import LANES
 
+from .driving import DrivenTables, courses_of
 from .kernels import Form, SpinTables
 from .lattices import neighbours
 
@@ -117,17 +118,30 @@ def lanes_of(around: np.ndarray, parts: tuple[int, ...]) -> tuple[np.ndarray, np
     return rows.ravel()[1:], np.ravel_multi_index(tuple(np.moveaxis(moved, -1, 0)), parts)
 
 
+def in_kernels(model: Any, temperature: float) -> Any:
+    """Record of a :class:`~spi.plugins.spins.models.Spins` at a temperature, one that is driven if its field is."""
+    _, which, texts = courses_of(model.field)
+    rest = tables(model, temperature)
+    if not texts:
+        return rest
+    of_cell = model.sites.of_cell
+    return DrivenTables.of(rest, which[of_cell if len(which) > 1 else np.zeros_like(of_cell)], texts)
+
+
 @functools.lru_cache(8)
 def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 1, 1)) -> SpinTables:
     """Record of a :class:`~spi.plugins.spins.models.Spins` at a temperature, infinite without one.
+
+    A field that depends on time is left out.
 
     With `parts_of` the lanes are parts of one lattice, of which the model is one part.
     """
     lattice, matrices = model.sites, bond_matrices(model)
     sites = np.arange(lattice.sites)
     moment = np.asarray(np.broadcast_to(np.array(model.mu, float), (len(model.cell.sites),)))[lattice.of_cell]
-    given = np.reshape(np.array(model.field, float), (-1, 3))
-    field = moment[:, np.newaxis] * given[lattice.of_cell if len(given) > 1 else np.zeros_like(sites)]
+    given, courses, _ = courses_of(model.field)
+    of_given = lattice.of_cell if len(given) > 1 else np.zeros_like(sites)
+    field, driven = moment[:, np.newaxis] * given[of_given], (courses[of_given] >= 0).any(axis=1)
     first, other, of_bond = neighbours(lattice.sites, lattice.bonds)
     axes = np.concatenate([[unit(model.anisotropy.axis)], np.eye(3)])
     own = (
@@ -141,8 +155,14 @@ def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 
     if model.by == "bonds":
         _add_bonds(parts, lattice, matrices, moment, lanes_there)
         strength = np.linalg.norm(field, axis=1)
-        if len(there := np.flatnonzero(strength)):
-            along = np.pad(field[there] / strength[there, np.newaxis], ((0, 0), (0, 6)))
+        if len(there := np.flatnonzero((strength > 0) | driven)):
+            away = np.where(
+                driven[there], 2.0 + lattice.of_cell[there], strength[there]
+            )  # a row for each site of a cell
+            along = np.where(
+                driven[there, np.newaxis], np.eye(1, 3) * away[:, np.newaxis], field[there] / away[:, np.newaxis]
+            )
+            along = np.pad(along, ((0, 0), (0, 6)))
             parts.add(Form.FIELDS, there, strength[there], along, (strength / moment).max())
     else:
         for colour in colours:
@@ -154,7 +174,7 @@ def tables(model: Any, temperature: float, parts_of: tuple[int, int, int] = (1, 
         parts.add(Form.FIELDS, sites, 0.0, _frame(axes[0]), 0.0)
     pieces = len(parts.forms)
     if model.alpha > 0:
-        for colour in colours if fields.any() and model.by == "bonds" else ():
+        for colour in colours if (fields.any() or driven.any()) and model.by == "bonds" else ():
             parts.add(Form.DAMPED_SITES, colour, 1.0, np.zeros(9), (fields / moment)[colour].max())
         for _, form, strength, along in own:
             for axis in along if strength else ():

@@ -7,12 +7,11 @@ import numpy as np
 from annotated_types import Ge, Le
 from pydantic import BeforeValidator, Field
 
-from spi.compiler.dispatch import answers
-from spi.ensemble.protocol import NonNegative, Positive, dimension, frozen, one_path
+from spi.ensemble.protocol import NonNegative, Positive, dimension, one_path
 from spi.expressions.arithmetic import NumberError
 from spi.kinds import one_path as alone
 from spi.kinds.functions import PathFunction, check_function, function_of
-from spi.models.delegation import undamped
+from spi.models.delegation import depends_on_time
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.plugins.dynamics.kinds.long_paths.keys import LongCase
 from spi.plugins.dynamics.kinds.references import EXACT, FINEST
@@ -48,8 +47,8 @@ class Case(CodeKeys, LongCase):
     ) = Field(default_factory=dict)
     derived: key_of(
         Functions,
-        "by name an expression in the means of functions, T and the numbers of the model (n sites of spins), as in "
-        "{binder: 1 - m4/(3*m2^2)}, with errors by the jackknife",
+        "by name an expression in the means of functions, T and the numbers of the model (n, the number of sites), as "
+        "in {binder: 1 - m4/(3*m2^2)}, with errors by the jackknife",
     ) = Field(default_factory=dict)
     burn_in: key_of(NonNegative | None, "time that does not count for functions; default: a fifth", "time") = None
     spacing: key_of(
@@ -141,7 +140,7 @@ reference: exact
     @condition
     def _check_functions(self) -> Self:
         """Case with functions."""
-        if not self.functions and answers(frozen, undamped(self.model)):
+        if not self.functions and depends_on_time(self.model):
             right = "add functions of the state, as in {phi: y1^2}; H, the default, depends on time"
             raise wrong("missing key 'functions'", right, "functions")
         functions = with_others(self, self.functions) or {"H": "H"}

@@ -13,6 +13,8 @@ from spi.statistics.estimators import RESOLVED
 
 from .results import Statistics
 
+_GAMMA = r"$\Gamma$"  # the centre of a Brillouin zone
+
 
 def _has_law(reading: Statistics, f: int) -> bool:
     """Whether the values of a function have a histogram: of a first passage its time has a density instead."""
@@ -43,7 +45,10 @@ def _differs(reading: Statistics, f: int) -> bool:
 
 
 def _with_quantiles(plot: plots.Plot, readings: Sequence[Statistics], f: int) -> plots.Plot:
-    """The panel of a mean with the quantiles of the function, dotted; a constant is one line, without its roundings."""
+    """The panel of a mean with the quantiles of the function as bands; a constant is one line, without its roundings.
+
+    A band lies between the first and the last level, the second and the last but one, ...; its edges are dotted.
+    """
     own = [
         line._replace(y=np.full_like(line.y, reading.mean[f, 0]), low=None, high=None)
         if reading.is_constant[f]
@@ -58,7 +63,9 @@ def _with_quantiles(plot: plots.Plot, readings: Sequence[Statistics], f: int) ->
             look = {"color": colour, "linestyle": ":", "linewidth": 0.8}
             each = reading.quantiles.quantile[f].T
             lines += [
-                plots.series(reading.t, values, look, "" if i else f"quantiles {levels}")
+                plots.series(reading.t, values, look, "" if i else f"quantiles {levels}")._replace(
+                    band=True, low=values, high=each[-1 - i] if i < len(each) // 2 else values
+                )
                 for i, values in enumerate(each)
             ]
     return plot._replace(series=[*plot.series, *lines])
@@ -130,7 +137,7 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
         ax.figure.colorbar(drawn, ax=ax, label=r"$S(q,\omega)\,/\,S(q)$")
         ax.set(ylim=(0, min(1.1 * float(top), omega[-1])))
         if s.corners is not None and s.corner_q is not None:
-            ax.set_xticks(s.corner_q, s.corners)
+            ax.set_xticks(s.corner_q, [_GAMMA if name in ("G", "Gamma") else style.plain(name) for name in s.corners])
             for place in s.corner_q[1:-1]:
                 ax.axvline(place, color="black", linewidth=0.5)
         size = float(np.clip(150 / len(s.q), 2.5, 5.5))
@@ -202,6 +209,7 @@ PANELS: dict[str, Any] = {
             half=lambda one: one.band[:, np.newaxis] * one.mean_stderr,
             reference="reference",
             reference_by=_formula,
+            conserved=True,
             then=_with_quantiles,
         )
     ],

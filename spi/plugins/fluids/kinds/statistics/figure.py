@@ -7,7 +7,6 @@ import matplotlib
 import numpy as np
 
 from spi.drawing import panels, plots, style
-from spi.plugins.fluids.kinds.trajectory.figure import TIMES
 
 from .words import shells_in
 
@@ -33,7 +32,7 @@ def spectra(readings: Sequence[Any], looks: style.Looks) -> Iterator[plots.Plot]
             places = np.unique(np.linspace(len(one.t) - 1, 0, min(few, len(one.t))).round().astype(int))
             half = one.interval() * one.mean_stderr
             each = [(one.mean[chosen, i], half[chosen, i], f"$t={style.number(float(one.t[i]))}$") for i in places]
-        shades = matplotlib.colormaps[TIMES](np.linspace(0, 0.88, len(each)))
+        shades = style.shades(len(each))
         for (mean, half, when), shade in zip(each, shades, strict=True):
             look = panels.scheme_look(one, looks)
             if len(readings) == 1:

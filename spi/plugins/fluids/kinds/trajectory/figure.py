@@ -16,7 +16,6 @@ from spi.plugins.fluids.kinds.trajectory.numbers import part_of, spectra_of
 from spi.plugins.fluids.models.fields import enstrophy, size_of, vorticity
 
 SIGNED, ONE_SIGN = "RdBu_r", "viridis"  #: colours of vorticity: blue negative, white 0, red positive; of one sign
-TIMES = "viridis"  #: colours of spectra, from early to late
 
 _CYCLE = 2 * np.pi
 _ROUNDING = float(np.finfo(float).eps)  # of the largest energy: what is less is no longer seen in the energy
@@ -138,9 +137,7 @@ def spectra(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.
         energies, chosen = spectra_of(one), one.shown
         shells = np.arange(1, energies.shape[1] + 1)
         lines = []
-        for values, i, colour in zip(
-            energies, chosen, matplotlib.colormaps[TIMES](np.linspace(0, 0.88, len(chosen))), strict=True
-        ):
+        for values, i, colour in zip(energies, chosen, style.shades(len(chosen)), strict=True):
             lost = "" if np.isfinite(values).all() else ", not finite"
             look = {"color": matplotlib.colors.to_hex(colour), "marker": "o", "markersize": 3.0}
             drawn = np.where(np.isfinite(values) & (values > 0), values, np.nan)

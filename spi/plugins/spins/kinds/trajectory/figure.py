@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from spi.drawing import Figure, panels, plots, style
+from spi.expressions import as_numpy, parse_expression
 from spi.kinds.trajectory.figure import TrajectoryReadings
 from spi.kinds.trajectory.film import Filmed, Screen, states_shown
 from spi.kinds.trajectory.results import Trajectory
@@ -101,3 +102,25 @@ def _recolour(image: Any, one: Trajectory, state: int) -> None:
 
 FILM = Filmed(_screens, lambda one: _places(one) is not None)
 SPINS = [panels.OwnPanels(_spins)]
+
+
+def _loops(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
+    """The mean of the spins along the field over the field, for the first component of it that depends on time."""
+    for one in readings:
+        field = np.reshape(np.array(one.about.parameters["field"], object).astype(str), (-1, 3))[0]
+        component, b = next((c, b) for c, text in enumerate(field) if np.ptp(b := _course(text, one.t)) > 0)
+        x = "xyz"[component]
+        m = one.y.reshape(len(one.t), -1, 3)[..., component].mean(axis=1)
+        look = {"color": "#0072B2", "linewidth": 1.0}
+        line = plots.series(b, m, look)._replace(x=b, y=m)  # in the order of time
+        yield plots.Plot(
+            [line], title=one.about.case_title, x=f"field $B_{x}$", y=f"$\\langle s_{x}\\rangle$", ylim=(-1.1, 1.1)
+        )
+
+
+def _course(text: str, t: np.ndarray) -> np.ndarray:
+    """A component of a field at some times."""
+    return np.broadcast_to(as_numpy(parse_expression(text, 1, ("t",)))(t[np.newaxis]), t.shape)
+
+
+LOOP = [panels.OwnPanels(_loops)]

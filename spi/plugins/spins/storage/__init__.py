@@ -1,0 +1,1 @@
+"""Files of spins in formats of other programs."""
