@@ -30,6 +30,7 @@ if TYPE_CHECKING:
 
     from ..drawing.film import Film
     from ..running.finding import Found
+    from ..storage.records import StoredResults
 
 
 @run_options("trust_code")
