@@ -2,6 +2,7 @@
 
 import io
 import math
+import shutil
 import sys
 
 import numpy as np
@@ -276,6 +277,18 @@ def test_a_film(tmp_path):
     assert titles[1] == ["splitting, noise first (slpI), $t=5.00$", "Euler-Maruyama, $t=5.00$"]
     last = fields.vorticity(results.groups[0].variables["y"][1][-1], 128)
     np.testing.assert_array_equal(film.figure.axes[0].images[0].get_array().T, last)
+
+
+def test_a_film_has_the_size_and_the_speed_asked_for_and_is_an_mp4_where_ffmpeg_is(tmp_path):
+    film = views.film(trajectories(moving("splitting")), size="10x8cm")
+    with Image.open(views.save_film(film, tmp_path, "a", lambda *_: None, fps=4)) as written:
+        assert written.size == (393, 314) and written.info["duration"] == 250
+    try:
+        path = views.save_film(film, tmp_path, "a", lambda *_: None, "mp4", fps=4)
+    except ValueError as error:
+        assert "needs ffmpeg, which is not installed" in str(error) and shutil.which("ffmpeg") is None
+    else:
+        assert path.read_bytes()[4:8] == b"ftyp"
 
 
 def test_a_film_of_spins():
