@@ -20,7 +20,7 @@ FLOORS = [
         "checks": [],
         "exact": [],
         "expressions": [],
-        "models": ["checks"],
+        "models": ["checks", "expressions"],
         "schemes": ["checks"],
         "statistics": ["storage"],
         "storage": [],
@@ -40,7 +40,7 @@ FLOORS = [
 THIRD_PARTY = {
     "typer": ["cli.*", "plugins.*.command"],
     "yaml": ["specs.*"],
-    "pydantic": ["specs.*", "kinds.*.keys"],
+    "pydantic": ["specs.*", "kinds.*.keys", "plugins.spins.models.driving"],
     "h5py": ["storage.*"],
     "sympy": ["expressions.symbols", "plugins.systems.*", "plugins.lattices.*"],
     "mpmath": ["plugins.systems.*"],
