@@ -215,12 +215,18 @@ _OF_KINDS = {
 }
 
 
+def number_of(keys: Mapping[str, Any]) -> int | None:
+    """Number of the figure of the paper, from the keys of a file."""
+    figure = keys.get("figure")
+    return figure if isinstance(figure, int) else None
+
+
 def topic(name: str, keys: Mapping[str, Any]) -> str:
     """The topic of an experiment, from the keys of its file."""
     if name.startswith("stability_"):
         return "Stability and positivity"
     model, kind = keys.get("model", {}), _OF_KINDS[keys["kind"]]
-    if "figure" in keys:
+    if number_of(keys):
         return "Figures of the paper"
     if model.get("name") in ("zeitlin", "spins"):
         return "Fluids on the torus" if model["name"] == "zeitlin" else "Lattices of spins"
@@ -235,7 +241,7 @@ def entries(profiles: Mapping[str, str]) -> Iterator[tuple[str, int, str]]:
         keys = yaml.safe_load(shipped.path_of(name).read_text(encoding="utf-8"))
         mark = f" ({profile})" if profile != "laptop" else ""
         named = {"name": name, "title": keys["title"], "asks": keys["asks"], "mark": mark}
-        yield topic(name, keys), keys.get("figure", 0), ENTRY.format(**named)
+        yield topic(name, keys), number_of(keys) or 0, ENTRY.format(**named)
 
 
 def page(profiles: Mapping[str, str]) -> str:

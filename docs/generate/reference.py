@@ -248,7 +248,7 @@ def experiments() -> str:
     rows = (
         (
             f"`{name}`",
-            keys.get("figure", ""),
+            keys["figure"] if isinstance(keys.get("figure"), int) else "",
             f"[{keys['kind']}](spec.md#{keys['kind']})",
             keys["title"],
             plain(keys["asks"]),

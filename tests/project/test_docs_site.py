@@ -170,7 +170,13 @@ QUESTIONS = {
 }
 
 #: Words that several pages have: the page is one of the first two.
-ALSO = {"restart": "long_runs", "antiferromagnet": "spins"}
+ALSO = {
+    "restart": "long_runs",
+    "antiferromagnet": "lattices",
+    "passive tracer": "fluids",
+    "OVF": "spins",
+    "hysteresis": "spins",
+}
 
 
 def hits(index, query):

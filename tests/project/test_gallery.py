@@ -30,7 +30,7 @@ def test_the_gallery_shows_every_experiment_by_topic():
 def test_the_page_of_the_paper_shows_its_figures_in_order():
     text = DOCS.joinpath("paper.md").read_text(encoding="utf-8")
     shown = re.findall(r"^### Figure (\d+): .*?`spi\s+run\s+(\w+)`.*?\(gallery/(\w+)\.png\)", text, re.M | re.S)
-    of_paper = {keys["figure"]: name for name in shipped.names() if "figure" in (keys := keys_of(name))}
+    of_paper = {number: name for name in shipped.names() if (number := gallery.number_of(keys_of(name)))}
     assert shown == [(str(number), of_paper[number], of_paper[number]) for number in range(1, 18)]
 
 
@@ -45,7 +45,7 @@ def narrow(files, least):
 def test_pictures_are_wide_enough(tmp_path):
     files = {file.stem: file for file in (DOCS / "gallery").glob("*.png")}
     assert sorted(files) == shipped.names()  # and none of experiments that are gone
-    small = narrow(files, 700) + narrow({name: files[name] for name in files if "figure" in keys_of(name)}, 900)
+    small = narrow(files, 700) + narrow({name: files[name] for name in files if gallery.number_of(keys_of(name))}, 900)
     assert small == []
     tmp_path.joinpath("a.png").write_bytes(files["toda_weak"].read_bytes()[:16] + struct.pack(">II", 699, 500))
     assert narrow({"a": tmp_path / "a.png"}, 700) == ["a"]
