@@ -102,7 +102,7 @@ def test_help_fits_80_columns_and_no_command_is_told_by_half_a_sentence(monkeypa
         assert (code, err) == (0, "") and page.startswith(f"Usage: spi {command}")
         assert max(map(len, page.splitlines())) <= 80 and "\x1b" not in page and "...\n" not in page.partition("\n")[2]
         examples = re.findall(rf"^    spi {command} .*", page.partition("Examples:")[2], re.MULTILINE)
-        assert len(examples) == 2 * (command in ("run", "answer", "plot", "study"))
+        assert len(examples) == 2 * (command in ("run", "answer", "plot", "study", "export"))
 
 
 # --- spi list -------------------------------------------------------------------------------------------------------

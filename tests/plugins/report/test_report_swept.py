@@ -74,7 +74,7 @@ def test_the_figure_has_a_panel_of_each_quantity(path):
         one.get_label() for one in error.lines
     }
     assert set(legend_texts(figure)) == {"splitting", "Euler-Maruyama", r"theory, as $h\to0$"}
-    assert views.figure(storage.read(path), "paper", "two").get_figwidth() == 7.0
+    assert views.figure(storage.read(path), style="paper", width="two").get_figwidth() == 7.0
 
 
 def test_parts_can_be_put_together_along_the_parameter(path):

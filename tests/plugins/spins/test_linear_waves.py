@@ -135,4 +135,4 @@ def test_an_antiferromagnet_on_a_square_with_named_corners(spec, tmp_path):
     (plot,) = figure._structure([results], {})
     ax = Figure().add_subplot()
     plot.own(ax)
-    assert [label.get_text() for label in ax.get_xticklabels()] == ["G", "X", "M", "G"]
+    assert [label.get_text() for label in ax.get_xticklabels()] == [r"$\Gamma$", "X", "M", r"$\Gamma$"]

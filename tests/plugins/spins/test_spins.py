@@ -151,8 +151,9 @@ def test_colours_touch_nothing_twice(name):
         ends = of.bonds[of.bond_colours == colour].ravel()
         assert len(np.unique(ends)) == len(ends)
     assert (of.site_colours[of.bonds[:, 0]] != of.site_colours[of.bonds[:, 1]]).all()
-    degree = {"chain": 1.5, "ring": 2, "square": 4, "triangular": 6, "honeycomb": 3, "cubic": 6, "bcc": 8}[name]
-    assert len(of.bonds) == degree * of.sites / 2
+    degree = {"chain": 1.5, "ring": 2, "square": 4, "triangular": 6, "honeycomb": 3, "cubic": 6, "bcc": 8}
+    degree |= {"kagome": 4, "ring_j1_j2": 4, "square_j1_j2": 8, "honeycomb_j1_j2": 9}
+    assert len(of.bonds) == degree[name] * of.sites / 2
 
 
 def paths_and_report(model, temperature, scheme, h, steps, blocks, states, seed=1):
