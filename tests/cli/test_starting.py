@@ -108,7 +108,7 @@ def test_help_fits_80_columns_and_no_command_is_told_by_half_a_sentence(monkeypa
 # --- spi list -------------------------------------------------------------------------------------------------------
 
 
-@pytest.mark.needs("systems", "comparisons")  # which have groups of their own
+@pytest.mark.needs("systems", "comparisons", "dynamics")  # which have experiments and groups of their own
 def test_a_list_that_is_read_by_a_program_has_a_record_a_line_with_its_whole_title():
     """What a terminal shows is tried in test_terminal.py."""
     code, out, err = call("list")
