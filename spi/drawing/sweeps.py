@@ -148,16 +148,18 @@ def _over(
         for first, *others in theory.values()
     ]
     label, named = _label(curves, sorts, shared), first.name in sorts and sorts[first.name].named
-    title = (
-        ""
-        if named
-        else style.definition(first.function, texts.get(first.function, first.function), first.about.variables)
-    )
-    if not title and not named and first.function and "$" not in label.split(" at ")[0]:
-        title = style.maths(first.function, first.about.variables)
+    title = "" if named else _title(first, texts, label)
     crossing = page.current().chosen.get("crossing") in (first.function or first.name, first.name)
     marked = _crossing(curves, at) if crossing else []
     return plots.Plot(lines, title, _parameter(first), label, at.scale, is_log, own=_dressed(at, marked))
+
+
+def _title(curve: Curve, texts: Mapping[str, str], label: str) -> str:
+    """Definition of the function of a curve, or the function, where the label of the axis does not say it."""
+    function, variables = curve.function, curve.about.variables
+    if definition := style.definition(function, texts.get(function, function), variables):
+        return definition
+    return style.maths(function, variables) if function and "$" not in label.split(" at ")[0] else ""
 
 
 def _dressed(at: plots.Places, marked: Sequence[tuple[float, float, str]]) -> plots.Draw:

@@ -25,7 +25,7 @@ from .tables import in_kernels
 from .whole import SampledGibbs, WholeLattice
 
 Vector = tuple[float, float, float]
-Field = tuple[Course, Course, Course]
+SiteField = tuple[Course, Course, Course]
 _MOST_NAMED = 4096  # sites whose components have names in formulas
 _MOST_SITES = 2**24  # channels of the random numbers
 _SWEEPS = 1000  # over a lattice, by which a state of the Gibbs law is drawn
@@ -82,7 +82,8 @@ class Spins(NamedTuple):
     size: Annotated[tuple[Annotated[int, Ge(1)], ...], Len(1, 3), "cells along each vector"]
     bonds: Annotated[tuple[Terms, ...], "terms of bonds, as in {exchange: 1}, or a list by types of bonds"] = ()
     field: Annotated[
-        Field | tuple[Field, ...], "the field B of every site, or of the sites of a cell; numbers, or functions of t"
+        SiteField | tuple[SiteField, ...],
+        "the field B of every site, or of the sites of a cell; numbers, or functions of t",
     ] = (
         0.0,
         0.0,
