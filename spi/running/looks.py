@@ -25,10 +25,11 @@ def relooked(results: StoredResults, experiment: specs.Experiment) -> StoredResu
 
 
 def _relooked(group: Group, case: BaseCase) -> Group:
-    """Group with the looks of its case; what is empty is left to the record of the kind."""
+    """Group with the looks of its case; what is empty is left to the record of the kind where the group has it not."""
     own = {name: getattr(case, name) for name in case.looks - {"title"}}
     if case.sweep:
         own |= {"swept_title": case.sweep.title, "swept_of": case.sweep.of}
     of_group = case.sweep.title if case.sweep and group.case == case.owner else case.title
     kept = {name: value for name, value in group.attributes.items() if name not in own}
-    return group._replace(attributes=kept | {"case_title": of_group} | {name: it for name, it in own.items() if it})
+    given = {name: it for name, it in own.items() if it or name in group.attributes}
+    return group._replace(attributes=kept | {"case_title": of_group} | given)
