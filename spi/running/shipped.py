@@ -62,9 +62,7 @@ def example(kind: str, case: type[Any]) -> str:
     own = re.sub("^model: .*\n", "", case.example, flags=re.MULTILINE)
     about = f"An experiment of kind {kind}: {' '.join((case.__doc__ or '').partition(_BLANK)[0].split())}"
     doc = textwrap.fill(about, 110, initial_indent="# ", subsequent_indent="# ")
-    head = _HEAD.format(
-        kind=kind, doc=doc, title=kind.replace("_", " ").capitalize(), sigma=str(sigma).replace("'", "")
-    )
+    head = _HEAD.format(kind=kind, doc=doc, title=kind.replace("_", " ").capitalize(), sigma=sigma)
     fields = {key: field for key, field in case.model_fields.items() if key not in given}
     others = {key: field.description for key, field in fields.items() if field.description and not field.is_required()}
     lines = [

@@ -206,13 +206,14 @@ def _cholesky(matrix: _MATRIX) -> list[list[float]]:
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _names(model: Any) -> list[str]:
+def names_in_formulas(model: Any) -> list[str]:
+    """Names of the components: those that the system gives them, or y1, y2, ..."""
     return list(component_names(model)) or [f"y{i + 1}" for i in range(dimension(model))]
 
 
 def _of_csv(data: bytes, path: str, model: Any) -> tuple[np.ndarray, np.ndarray]:
     """States (n, d) and weights (n,) in a CSV file."""
-    names = _names(model)
+    names = names_in_formulas(model)
     right = f"must have the columns {', '.join(names)}, and perhaps weight"
     try:
         head, values = table_of(data)

@@ -1,5 +1,6 @@
 """Command `spi report`."""
 
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -26,6 +27,25 @@ class ReportCommand(TyperCommand):
         return super().parse_args(ctx, whole)
 
 
+def write_report(paths: Sequence[Path], out: Path, **how: Any) -> tuple[Collection[Path], list[str]]:
+    """Write the files of a report, see ``views.page.files``, with a line of progress: these, and what is not shown."""
+    from spi.cli.progress import ProgressLine
+    from spi.storage import write_all
+
+    from .views.page import files
+
+    problems: list[str] = []
+    with ProgressLine(out.name) as line:
+
+        def drawing(number: int, total: int, name: str) -> None:
+            line.report_work(number, total, f"drawing {name}")
+
+        written = files(paths, out, report=drawing, tell=problems.append, **how)
+    STOP.check()  # what is drawn by others may turn a stop into any other error
+    write_all(written)
+    return written, problems
+
+
 @run_options("trust_code")
 def report(
     sources: Several = None,
@@ -41,21 +61,9 @@ def report(
 
     A file that cannot be shown has a line there, and the exit code is 2.
     """
-    from spi.cli.progress import ProgressLine
-    from spi.storage import write_all
-
-    from .views.page import files
-
-    paths = stored(sources, results, options)
-    problems: list[str] = []
-    with ProgressLine(out.name) as line:
-
-        def drawing(number: int, total: int, name: str) -> None:
-            line.report_work(number, total, f"drawing {name}")
-
-        written = files(paths, out, latex, data, drawing, problems.append, short)
-    STOP.check()  # what is drawn by others may turn a stop into any other error
-    write_all(written)
+    written, problems = write_report(
+        stored(sources, results, options), out, latex_folder=latex, data_folder=data, short=short
+    )
     tell(f"wrote {out}")
     for folder in filter(None, (latex, data)):
         count = sum(file.parent == folder and file != out for file in written)

@@ -1,11 +1,17 @@
 """Which scheme and step the results of a study recommend."""
 
-import math
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from spi.plugins.comparisons.kinds.work_precision.results import WorkPoint, WorkPrecision, cheapest, requested, work_for
+from spi.plugins.comparisons.kinds.work_precision.results import (
+    WorkPoint,
+    WorkPrecision,
+    cheapest,
+    requested,
+    step_text,
+    work_for,
+)
 from spi.printing.text import duration, short
 
 #: Casimir functions that change by less count as preserved.
@@ -36,8 +42,7 @@ def advice(readings: Sequence[WorkPrecision]) -> Iterator[str]:
 
 def _way(point: WorkPoint | None) -> str:
     assert point is not None
-    exponent = f"{math.log2(point.h):z.1f}".removesuffix(".0")
-    return f"h = 2^{exponent}, {'at most ' if point.at_most else ''}{duration(point.seconds)} a path"
+    return f"h = {step_text(point.h)}, {'at most ' if point.at_most else ''}{duration(point.seconds)} a path"
 
 
 def _preserves(one: WorkPrecision) -> bool:

@@ -9,7 +9,7 @@ import typer
 
 from spi.cli.options import COMPUTE, INVALID, Command, Threads, complete_spec, end
 from spi.cli.running import CheckpointTime, MaxTime, limits_of, prepare
-from spi.cli.terminal import STOP, tell
+from spi.cli.terminal import tell
 
 if TYPE_CHECKING:
     from spi.specs import Experiment
@@ -41,7 +41,8 @@ def study(
     prepare(threads)
     from spi import storage, views
     from spi.cli.progress import ProgressLine
-    from spi.plugins.report.views.page import Head, files
+    from spi.plugins.report.command import write_report
+    from spi.plugins.report.views.page import Head
     from spi.printing import print_safely
     from spi.running import run as runner
     from spi.running.remarks import reports
@@ -59,15 +60,8 @@ def study(
         with ProgressLine(experiment.name) as line:
             paths[word] = runner.run(experiment, folder, fresh, line.watch, limits)
     found = tuple(advice(views.readings(storage.read(paths["work"]))))  # type: ignore[arg-type]
-    page, problems = folder / "report.html", list[str]()
-    with ProgressLine("report") as line:
-
-        def drawing(number: int, total: int, name: str) -> None:
-            line.report_work(number, total, f"drawing {name}")
-
-        written = files([*paths.values()], page, report=drawing, tell=problems.append, head=Head(studied.title, found))
-    STOP.check()
-    storage.write_all(written)
+    page = folder / "report.html"
+    _, problems = write_report([*paths.values()], page, head=Head(studied.title, found))
     print_safely(found)
     for problem in problems:
         tell(f"spi: {problem}")

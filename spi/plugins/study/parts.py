@@ -20,6 +20,7 @@ from spi.running.run import STARTING_SECONDS, cost, kernel_calls, plans
 from spi.running.shipped import path_of
 from spi.specs import Experiment, SpecError
 from spi.specs.document import Document, text_of
+from spi.specs.initial import names_in_formulas
 from spi.specs.naming import as_override, as_yaml, with_numbers
 
 #: Keys of a system that all parts of a study have.
@@ -211,8 +212,8 @@ def _targets(case: Any) -> list[float]:
 def _function(case: Any) -> str:
     """A smooth bounded function of all components."""
     scale = float(f"{max(map(abs, _state(case)), default=1.0) or 1.0:.1g}")
-    names = case.variables or [f"y{i + 1}" for i in range(len(_state(case)))]
-    return " + ".join(f"sin({name}{'' if scale == 1 else f'/{scale:g}'})" for name in names)
+    over = "" if scale == 1 else f"/{scale:g}"
+    return " + ".join(f"sin({name}{over})" for name in names_in_formulas(case.model))
 
 
 def _stronger(shared: Mapping[str, Any], case: Any) -> dict[str, Any]:

@@ -303,12 +303,17 @@ def _fastest(target: float, readings: Sequence[WorkPrecision]) -> tuple[str | No
     return best, works[best] if best else None, cells
 
 
+def step_text(h: float) -> str:
+    """``2^-4.5``: a step size between those that were run."""
+    exponent = f"{math.log2(h):z.1f}".removesuffix(".0")
+    return f"2^{exponent}"
+
+
 def _needs(point: WorkPoint | None) -> tuple[str, str]:
     """Step size and time of a work point."""
     if point is None:
         return "", ""
-    exponent = f"{math.log2(point.h):z.1f}".removesuffix(".0")
-    return f"2^{exponent}", f"{'≤ ' if point.at_most else ''}{duration(point.seconds)}"
+    return step_text(point.h), f"{'≤ ' if point.at_most else ''}{duration(point.seconds)}"
 
 
 def _factor(factor: Factor) -> str:

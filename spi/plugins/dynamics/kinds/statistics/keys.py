@@ -10,13 +10,14 @@ import pydantic
 from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BeforeValidator, Field
 
-from spi.ensemble.protocol import NonNegative, Positive, dimension, geometry
+from spi.ensemble.protocol import NonNegative, Positive, geometry
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, function_of
 from spi.plugins import lacking
 from spi.plugins.dynamics.kinds.references import EXACT, STATIONARY, curve
 from spi.plugins.dynamics.statistics.quantiles import EDGES
 from spi.specs.cases import StepCase, with_others
 from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
+from spi.specs.initial import names_in_formulas
 from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
 from spi.specs.names import CodeKeys
 from spi.specs.panels import check_further, panels_of, words
@@ -249,7 +250,7 @@ statistics: [mean, variance, quantiles, histogram]
     @condition
     def _check_functions(self) -> Self:
         """Case with functions: the first components, unless it has some."""
-        names = self.variables or tuple(f"y{i + 1}" for i in range(dimension(self.model)))
+        names = names_in_formulas(self.model)
         functions = with_others(self, self.functions) or {name: name for name in names[:4]}
         for name, entry in functions.items():
             check_function(self, name, entry, _FUNCTIONAL)

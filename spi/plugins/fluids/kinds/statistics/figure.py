@@ -21,11 +21,8 @@ def spectra(readings: Sequence[Any], looks: style.Looks) -> Iterator[plots.Plot]
         texts = one.averages.texts if over_time else one.texts
         shells, chosen = np.array([*shells_in(texts)]), [*shells_in(texts).values()]
         if over_time:
-            at = (
-                int(np.flatnonzero(np.asarray(one.nonfinite) == 0)[-1])
-                if (np.asarray(one.nonfinite) == 0).any()
-                else -1
-            )
+            whole = np.flatnonzero(np.asarray(one.nonfinite) == 0)  # step sizes at which no path diverged
+            at = int(whole[-1]) if len(whole) else -1
             each = [(one.averages.average[at, chosen], one.averages.average_half[at, chosen], "")]
         else:
             few = _MOST_TIMES if len(readings) == 1 else 1
