@@ -495,7 +495,7 @@ def _bracket_factors(model, y):
     numbers = dict(zip(pairs, protocol.bracket_factors(model), strict=True))
     for first, second in itertools.combinations(numbers, 2):
         a, b = (_bracket(model, j, k, y) for k, j in (first, second))
-        sizes = (np.linalg.norm(size) for k, j in (first, second) for size in _sizes(model, j, k, y))
+        sizes = [np.linalg.norm(size) for k, j in (first, second) for size in _sizes(model, j, k, y)]
         if differ(a * numbers[second], b * numbers[first], 1e-9, *(n * x for n in numbers.values() for x in sizes)):
             yield f"bracket_factors: the brackets of the pairs {first} and {second} are no such multiples"
 
