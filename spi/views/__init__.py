@@ -4,6 +4,7 @@ import difflib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
@@ -265,16 +266,13 @@ def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) 
     drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
-    sorts, over = KINDS[kind].keys.Case.quantities, page.current().chosen.get("overlay")
-    if over and all(curve.second_word == over for _, curves, _ in drawn for curve in curves):
-        drawn = [
-            (name, [line for curve in curves for line in each_value(curve)], facts) for name, curves, facts in drawn
-        ]
+    sorts, formulas = KINDS[kind].keys.Case.quantities, (_formulas(spec, key) for key in ("functions", "reference"))
+    words = {curve.second_word for _, curves, _ in drawn for curve in curves}
+    if words == {page.current().chosen.get("overlay")}:
+        drawn = [(name, list(chain.from_iterable(map(each_value, curves))), facts) for name, curves, facts in drawn]
         with page.without("overlay"):
-            return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
-    if any(curve.second_word for _, curves, _ in drawn for curve in curves):
-        return draw_maps(title, drawn, sorts)
-    return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
+            return draw(title, drawn, sorts, *formulas)
+    return draw_maps(title, drawn, sorts) if any(words) else draw(title, drawn, sorts, *formulas)
 
 
 def _formulas(spec: str, key: str) -> dict[str, str]:

@@ -9,6 +9,7 @@ import json
 import re
 from collections import defaultdict
 from collections.abc import Mapping
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -46,14 +47,7 @@ def fields_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
     for key in ("pieces", "inner", "casimirs", "initial_time", "bracket"):
         if key in data:
             raise DefinitionError("is given beside lattice; leave one of them out", key)
-    algebra = _SO3.fullmatch(str(data.get("algebra", "")))
-    if algebra is None:
-        raise DefinitionError("must be so(3)^n beside lattice", "algebra")
-    count = reader.at(("algebra",), whole, algebra[1], Symbols(indices=reader.sizes))
-    names = reader.names() or [f"y{k + 1}" for k in range(3 * count)]
-    if len(names) != 3 * count or len(set(names)) != len(names):
-        raise DefinitionError(f"has {len(names)} names; must have {3 * count} different ones", "variables")
-    reader.check_words(names)
+    count, names = _spins(reader, data)
     symbols = {name: sympy.Symbol(f"ψ{k + 1}", real=True) for k, name in enumerate(names)}
     place = {symbol: k for k, symbol in enumerate(symbols.values())}
     formulas = Symbols(symbols, reader.parameters, reader.sizes)
@@ -100,38 +94,58 @@ def _refused(why: str, *keys: str) -> DefinitionError:
     return DefinitionError(f"{why}; lattice is for sums over pairs of spins, leave it out", *(keys or ("hamiltonian",)))
 
 
+def _spins(reader: Reader, data: Mapping[str, Any]) -> tuple[int, list[str]]:
+    """Number of spins, and the names of their components."""
+    algebra = _SO3.fullmatch(str(data.get("algebra", "")))
+    if algebra is None:
+        raise DefinitionError("must be so(3)^n beside lattice", "algebra")
+    count = reader.at(("algebra",), whole, algebra[1], Symbols(indices=reader.sizes))
+    names = reader.names() or [f"y{k + 1}" for k in range(3 * count)]
+    if len(names) != 3 * count or len(set(names)) != len(names):
+        raise DefinitionError(f"has {len(names)} names; must have {3 * count} different ones", "variables")
+    reader.check_words(names)
+    return count, names
+
+
 def _terms(parts: list[Any], place: Mapping[Any, int], names: list[str]) -> Any:
     """(matrices of pairs in their order, fields (n, 3), matrices (n, 3, 3) of single spins) of the addends of H."""
     pairs: dict[tuple[int, int], Any] = defaultdict(lambda: np.zeros((3, 3)))
     count = len(names) // 3
     fields, own = np.zeros((count, 3)), np.zeros((count, 3, 3))
-    for part in parts:
-        for term in filter(None, sympy.Add.make_args(sympy.expand(part))):
-            factor, powers = sympy.Integer(1), []
-            for base, exponent in term.as_powers_dict().items():
-                if base in place and exponent in (1, 2):
-                    powers += [place[base]] * int(exponent)
-                elif base.is_number and exponent.is_number:
-                    factor *= base**exponent
-                else:
-                    words = {symbol: sympy.Symbol(names[k]) for symbol, k in place.items()}
-                    text = shortened(str(term.xreplace(words)).replace("**", "^"))
-                    raise _refused(f"has '{text}'")
-            if not factor.is_real or len(powers) not in (1, 2):
-                raise _refused("has terms of other degrees than 1 and 2")
-            (i, a), *other = (divmod(k, 3) for k in powers)
-            if not other:
-                fields[i, a] += float(factor)
-                continue
-            ((j, b),) = other
-            if i == j:
-                own[i, a, b] += float(factor) / 2
-                own[i, b, a] += float(factor) / 2
-            elif (j, i) in pairs:
-                pairs[j, i][b, a] += float(factor)
-            else:
-                pairs[i, j][a, b] += float(factor)
+    for term in chain.from_iterable(sympy.Add.make_args(sympy.expand(part)) for part in parts):
+        if term == 0:
+            continue
+        factor, powers = _monomial(term, place, names)
+        (i, a), *other = (divmod(k, 3) for k in powers)
+        if not other:
+            fields[i, a] += factor
+            continue
+        ((j, b),) = other
+        if i == j:
+            own[i, a, b] += factor / 2
+            own[i, b, a] += factor / 2
+        elif (j, i) in pairs:
+            pairs[j, i][b, a] += factor
+        else:
+            pairs[i, j][a, b] += factor
     return dict(pairs), fields, own
+
+
+def _monomial(term: Any, place: Mapping[Any, int], names: list[str]) -> tuple[float, list[int]]:
+    """Factor of a term of H, and the places of its one or two variables."""
+    factor, powers = sympy.Integer(1), []
+    for base, exponent in term.as_powers_dict().items():
+        if base in place and exponent in (1, 2):
+            powers += [place[base]] * int(exponent)
+        elif base.is_number and exponent.is_number:
+            factor *= base**exponent
+        else:
+            words = {symbol: sympy.Symbol(names[k]) for symbol, k in place.items()}
+            text = shortened(str(term.xreplace(words)).replace("**", "^"))
+            raise _refused(f"has '{text}'")
+    if not factor.is_real or len(powers) not in (1, 2):
+        raise _refused("has terms of other degrees than 1 and 2")
+    return float(factor), powers
 
 
 def _anisotropy(own: Any) -> dict[str, Any]:
@@ -154,21 +168,26 @@ def _noise(noises: list[dict[int, Any]], sigma: list[float], count: int) -> dict
     """
     if not noises or not any(sigma):
         return None
+    if len(set(sigma)) == 1 and all(len({k // 3 for k in noise}) == 1 for noise in noises):
+        each = _vectors(noises, count)
+        if all(np.array_equal(np.sort(own, axis=0), np.sort(np.eye(3), axis=0)) for own in each):
+            places = [k for noise in noises for k in noise]
+            return {"sigma": -sigma[0], "order": _order(places)}
+        if all(len(own) == 1 and np.array_equal(own, each[0]) for own in each):
+            size = float(np.linalg.norm(each[0]))
+            places = [next(iter(noise)) // 3 for noise in noises]
+            return {"sigma": sigma[0] * size, "axis": tuple((-each[0][0] / size).tolist()), "order": _order(places)}
+    right = "must be x(i), y(i), z(i), or one of them, for all spins with one sigma"
+    raise DefinitionError(f"are not alike for all spins; beside lattice they {right}", "noises")
+
+
+def _vectors(noises: list[dict[int, Any]], count: int) -> list[np.ndarray]:
+    """Of each spin the vectors a of its noises, (noises of that spin, 3)."""
     rows = np.zeros((len(noises), count, 3))
     for row, noise in zip(rows, noises, strict=True):
         for k, c in noise.items():
             row[divmod(k, 3)] = float(c)
-    alike = len(set(sigma)) == 1 and all(len({k // 3 for k in noise}) == 1 for noise in noises)
-    each = [rows[:, i][rows[:, i].any(axis=1)] for i in range(count)]
-    if alike and all(np.array_equal(np.sort(own, axis=0), np.sort(np.eye(3), axis=0)) for own in each):
-        places = [k for noise in noises for k in noise]
-        return {"sigma": -sigma[0], "order": _order(places)}
-    if alike and all(len(own) == 1 and np.array_equal(own, each[0]) for own in each):
-        size = float(np.linalg.norm(each[0]))
-        places = [next(iter(noise)) // 3 for noise in noises]
-        return {"sigma": sigma[0] * size, "axis": tuple((-each[0][0] / size).tolist()), "order": _order(places)}
-    right = "must be x(i), y(i), z(i), or one of them, for all spins with one sigma"
-    raise DefinitionError(f"are not alike for all spins; beside lattice they {right}", "noises")
+    return [rows[:, i][rows[:, i].any(axis=1)] for i in range(count)]
 
 
 def _order(places: list[int]) -> tuple[int, ...]:
