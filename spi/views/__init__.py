@@ -249,7 +249,7 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
         heading = words.get("title") or title(results, read)
         over = wholes(read, words.get("panels", ()))
         drawn: PanelFigure = (
-            _swept_figure(kind, heading, over, results.attributes.get("spec", ""))
+            _swept_figure(heading, over, results.attributes.get("spec", ""))
             if over
             else KINDS[kind].figure.draw(heading, by_case(read))
         )
@@ -257,7 +257,7 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
         return drawn
 
 
-def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
+def _swept_figure(title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing import page
     from ..drawing.sweeps import draw, draw_maps, each_value
@@ -265,16 +265,16 @@ def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) 
     drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
-    sorts, over = KINDS[kind].keys.Case.quantities, page.current().chosen.get("overlay")
+    over, texts = page.current().chosen.get("overlay"), (_formulas(spec, "functions"), _formulas(spec, "reference"))
     if over and all(curve.second_word == over for _, curves, _ in drawn for curve in curves):
         drawn = [
             (name, [line for curve in curves for line in each_value(curve)], facts) for name, curves, facts in drawn
         ]
         with page.without("overlay"):
-            return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
+            return draw(title, drawn, *texts)
     if any(curve.second_word for _, curves, _ in drawn for curve in curves):
-        return draw_maps(title, drawn, sorts)
-    return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
+        return draw_maps(title, drawn)
+    return draw(title, drawn, *texts)
 
 
 def _formulas(spec: str, key: str) -> dict[str, str]:
