@@ -30,6 +30,7 @@ from ..ensemble.protocol import (
     named_numbers,
     noise_indices,
     noises,
+    one_path,
     parameters,
     squared_length_is_casimir,
 )
@@ -362,6 +363,12 @@ class BaseCase(Keys):
     def in_parts(self) -> bool:
         """Whether there is one path only, whose state threads share."""
         return False
+
+    def can_share_one(self, h: float) -> bool:
+        """Whether threads can share the state of one path, by the model and all schemes, with steps of size h."""
+        if self.driver or getattr(self, "truncate_noise", False) or not answers(one_path, self.model):
+            return False
+        return all(one_path(self.model, self.row(name).record, h) for name in self.schemes)
 
     @condition
     def _check_needs(self) -> None:
