@@ -229,6 +229,10 @@ class ThermalSpins(NamedTuple):
 
 
 def _fault(model):
+    return _fault_of_lattice(model) or _fault_of_numbers(model) or _fault_of_bonds(model)
+
+
+def _fault_of_lattice(model):
     cell, types = model.cell, range(len(model.cell.bonds))
     if len(model.size) != len(cell.vectors):
         return "size", f"has {len(model.size)} numbers", f"must have {len(cell.vectors)}, one for each vector"
@@ -243,6 +247,11 @@ def _fault(model):
     for number, terms in enumerate(model.bonds):
         if any(kind not in types for kind in terms.types):
             return "bonds", f"has types that are not there in entry {number}", f"types are 0 .. {len(types) - 1}"
+    return None
+
+
+def _fault_of_numbers(model):
+    cell = model.cell
     if len(np.shape(model.field)) > 1 and len(model.field) != len(cell.sites):
         return "field", f"has {len(model.field)} vectors", f"must be one, or have {len(cell.sites)}"
     if model.variables and len(set(model.variables)) != dimension(model):
@@ -255,6 +264,11 @@ def _fault(model):
         return "noise", "has an order that does not name each Wiener process once", f"they are 0 .. {noises(model) - 1}"
     if model.alpha > 0 and model.noise:
         return "noise", "is given beside alpha", "leave out one of them; at a temperature noise belongs to alpha"
+    return None
+
+
+def _fault_of_bonds(model):
+    cell = model.cell
     reach = 2 + 2 * max(abs(step) for _, _, shift in cell.bonds for step in shift)
     try:  # of a small lattice, which has the same faults
         lattice(cell, tuple(min(length, reach) for length in model.size), model.is_periodic)
