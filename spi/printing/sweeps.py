@@ -15,13 +15,13 @@ from .text import fraction, interval_text, power_of_two, short, with_interval
 def tables(title: str, curves: Sequence[Curve]) -> Iterator[TextTable | StyledText]:
     """Tables of a case that is swept: for each scheme, estimator and test function a line per value.
 
-    Quantities of other test functions, as quantiles are, have a table of their own.
+    Quantities of other test functions have a table of their own.
     """
     if curves and curves[0].second_word:
         for curve in curves:
             yield _map(title, curve)
             if (fit := curve.chi_squared) is not None:
-                whose = "the orders of theory as h -> 0" if curve.name == "order" else "expected values"
+                whose = "the orders of theory as h -> 0" if curve.claim.is_order else "expected values"
                 yield StyledText(f"chi squared {fit[0]:.1f} of {fit[1]} differences from {whose}")
         return
     by_functions: dict[tuple[str, ...], list[Curve]] = {}
@@ -70,9 +70,6 @@ def _map(title: str, curve: Curve) -> TextTable:
     return TextTable(": ".join(filter(None, (title, name))), headings, [rows], 0)
 
 
-_UNEVEN = ("order", "growth", "quantile")  # the ends of whose intervals lie at different distances
-
-
 def _owner(curve: Curve) -> tuple[str, str, str]:
     return curve.about.variant, curve.about.estimator, curve.function
 
@@ -86,18 +83,18 @@ def _at(curves: Sequence[Curve], name: str) -> str:
 
 
 def quantity_text(point: Quantity) -> str:
-    """A quantity with its interval, of orders and quantiles by its ends."""
+    """A quantity with its interval."""
     if math.isnan(point.value):
         return point.lost or "not resolved"
     ends = None if point.low == point.high else (point.low, point.high)
-    form = ".3g" if ends is None else ".4g" if point.name == "quantile" else ".3f"
-    return interval_text(point.value, ends, form, point.name in _UNEVEN)
+    form = ".3g" if ends is None else point.claim.ends or ".3f"
+    return interval_text(point.value, ends, form, bool(point.claim.ends))
 
 
 def headline(curves: Sequence[Curve]) -> str:
     """``Order: 0.504 [0.489, 0.520] with splitting; ... Error at h = 2^-9: ...``, of the first test function."""
     parts = []
-    resolved = [curve for curve in curves if curve.is_known or curve.name != "growth"]
+    resolved = [curve for curve in curves if curve.is_known or not curve.claim.is_fit]
     for name in dict.fromkeys(curve.name for curve in resolved):
         first, *_ = of_name = [curve for curve in resolved if curve.name == name]
         of = f" of {first.function}" if first.function else ""
@@ -117,7 +114,7 @@ def _ends(curve: Curve) -> str:
     zeros = "".join(
         f", zero at {curve.word} = {with_interval(*zero)} on a line between values" for zero in curve.zeros()
     )
-    stated = curve.name == "order" and math.isfinite(ends[0].expected)
+    stated = curve.claim.is_order and math.isfinite(ends[0].expected)
     theory = f" (theory {fraction(ends[0].expected)})" if stated else ""
     whose = ", ".join(filter(None, (curve.about.label, curve.about.estimator)))
     return f"{' to '.join(values)}{theory}{zeros} with {whose}"

@@ -30,6 +30,7 @@ from ..ensemble.protocol import (
     named_numbers,
     noise_indices,
     noises,
+    one_path,
     parameters,
     squared_length_is_casimir,
 )
@@ -42,7 +43,8 @@ from ..models import MODELS
 from ..models.delegation import damped, thermal, undamped
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
-from ..statistics.claims import Claim, Sort
+from ..statistics.claims import Claim
+from ..storage.stored import Claimed
 from .checks import (
     check_count,
     check_distinct,
@@ -199,7 +201,7 @@ class BaseCase(Keys):
     at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
-    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> sort of a quantity that claims may name
+    quantities: ClassVar[Mapping[str, Claimed]] = {}  #: by name the quantities that claims may name
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
     most_swept: ClassVar[int] = 2  #: the number of parameters that may be swept at once
@@ -361,6 +363,12 @@ class BaseCase(Keys):
     def in_parts(self) -> bool:
         """Whether there is one path only, whose state threads share."""
         return False
+
+    def can_share_one(self, h: float) -> bool:
+        """Whether threads can share the state of one path, by the model and all schemes, with steps of size h."""
+        if self.driver or getattr(self, "truncate_noise", False) or not answers(one_path, self.model):
+            return False
+        return all(one_path(self.model, self.row(name).record, h) for name in self.schemes)
 
     @condition
     def _check_needs(self) -> None:

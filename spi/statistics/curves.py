@@ -8,8 +8,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..storage.records import INTERVAL
-from ..storage.stored import Description
-from .claims import Quantity
+from ..storage.stored import AT_MOST, Claimed, Description
+from .claims import Quantity, in_print
 
 
 class Surface(NamedTuple):
@@ -78,8 +78,12 @@ class Curve(NamedTuple):
     @property
     def label(self) -> str:
         """Name of the quantity in print."""
-        name = "diverged paths" if self.name == "nonfinite" else self.name.replace("_", " ")
-        return name.replace("casimir", "Casimir")
+        return self.claim.title or in_print(self.name)
+
+    @property
+    def claim(self) -> Claimed:
+        """What may be claimed of the quantity, and how it is written and drawn."""
+        return self.points[0].claim
 
     @property
     def values(self) -> np.ndarray:
@@ -129,14 +133,14 @@ class Curve(NamedTuple):
 
     @property
     def poor(self) -> np.ndarray:
-        """(V,) whether the interval is too wide to say anything, or, of an error, has no positive lower end."""
+        """(V,) whether the interval is too wide to say anything, or, of errors, has no positive lower end."""
         with np.errstate(invalid="ignore"):  # of paths that diverged
             half = (self.of("high") - self.of("low")) / 2
-        below = (self.of("low") <= 0) & (self.of("low") < self.of("value")) & (self.name == "error")
-        return ~(half <= self.of("widest")) | below
+        below = (self.of("low") <= 0) & (self.of("low") < self.of("value")) & (self.claim.sense == AT_MOST)
+        return ~(half <= self.claim.widest) | below
 
     def of(self, field: str) -> np.ndarray:
-        """(V,) a field of the quantities: ``value``, ``low``, ``high``, ``widest`` or ``expected``."""
+        """(V,) a field of the quantities: ``value``, ``low``, ``high`` or ``expected``."""
         return np.array([getattr(point, field) for point in self.points])
 
 

@@ -250,7 +250,7 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
         heading = words.get("title") or title(results, read)
         over = wholes(read, words.get("panels", ()))
         drawn: PanelFigure = (
-            _swept_figure(kind, heading, over, results.attributes.get("spec", ""))
+            _swept_figure(heading, over, results.attributes.get("spec", ""))
             if over
             else KINDS[kind].figure.draw(heading, by_case(read))
         )
@@ -258,7 +258,7 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
         return drawn
 
 
-def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
+def _swept_figure(title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing import page
     from ..drawing.sweeps import draw, draw_maps, each_value
@@ -266,13 +266,13 @@ def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) 
     drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
-    sorts, formulas = KINDS[kind].keys.Case.quantities, (_formulas(spec, key) for key in ("functions", "reference"))
+    texts = _formulas(spec, "functions"), _formulas(spec, "reference")
     words = {curve.second_word for _, curves, _ in drawn for curve in curves}
     if words == {page.current().chosen.get("overlay")}:
         drawn = [(name, list(chain.from_iterable(map(each_value, curves))), facts) for name, curves, facts in drawn]
         with page.without("overlay"):
-            return draw(title, drawn, sorts, *formulas)
-    return draw_maps(title, drawn, sorts) if any(words) else draw(title, drawn, sorts, *formulas)
+            return draw(title, drawn, *texts)
+    return draw_maps(title, drawn) if any(words) else draw(title, drawn, *texts)
 
 
 def _formulas(spec: str, key: str) -> dict[str, str]:

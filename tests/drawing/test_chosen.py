@@ -14,9 +14,9 @@ import spi
 from spi import storage, views
 from spi.drawing import page, style, sweeps
 from spi.specs.figures import FIGURE_KEYS, read_figure
-from spi.statistics.claims import Quantity, Sort
+from spi.statistics.claims import Quantity
 from spi.statistics.curves import crossings, curves
-from spi.storage.stored import Description, Swept
+from spi.storage.stored import Claimed, Description, Swept
 
 #: A value of each, as text and as data that mean the same.
 SAME = {
@@ -138,6 +138,9 @@ def test_an_overlay_has_the_lines_of_all_cases_in_one_panel():
         views.figure(two, overlay="K")
 
 
+NAMED = Claimed("equal", is_named=True)
+
+
 def swept(name, values, over, shift=0.0, second=False, function="binder"):
     """A curve (value - shift) with errors of 0.01, over one word or over two."""
     points = []
@@ -146,7 +149,7 @@ def swept(name, values, over, shift=0.0, second=False, function="binder"):
             told = {"second_word": "K", "second_value": K} if second else {}
             about = described(f"{name}_{T}_{K}", Swept(word=over, value=T, owner=name, title=f"{name} sites", **told))
             value = T * (K if second else 1) - shift
-            points.append(Quantity("derived", about, value, value - 0.01, value + 0.01, function, h=0.5))
+            points.append(Quantity("derived", about, value, value - 0.01, value + 0.01, function, h=0.5, claim=NAMED))
     return curves(points, ["derived"])
 
 
@@ -158,7 +161,7 @@ def described(case, swept):
 
 def drawn(cases, **chosen):
     with page.applied(page.named(**chosen)):
-        return sweeps.draw("A title", cases, {"derived": Sort("equal", named=True)})
+        return sweeps.draw("A title", cases)
 
 
 T = (1.0, 1.2, 1.4, 1.6)

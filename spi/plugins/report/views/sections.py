@@ -260,7 +260,7 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
     several, rows = len(cases) > 1, []
     for title, case in zip(views.titles(cases), cases, strict=True):
         for one in orders_of(case):
-            subject = f"{one.subject}, largest over eps" if one.name == "uniform_order" else one.subject
+            subject = ", ".join(filter(None, (one.subject, one.claim.further)))
             theory = "" if math.isnan(one.expected) else fraction(one.expected)
             rows.append([StyledText(text) for text in (*[title] * several, subject, sweeps.quantity_text(one), theory)])
     headings = (*["case"] * several, "scheme", "order (95 %)", "expected")
