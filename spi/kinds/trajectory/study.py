@@ -140,7 +140,7 @@ class TrajectoryPlan(Plan):
     def _seconds_per_step(self) -> float:
         """Seconds of one thread at typical speed for a step of all these paths."""
         if self.one_path:
-            return 1e-9 * float(self.one_path.ns)
+            return alone.move_seconds(self.one_path, 1)
         return self._paths * 1e-9 * typical_ns(self.row, self.model)
 
     def advance(self, chunks: Sequence[Chunk], started: OnePath | None) -> Iterator[list[tuple[Chunk, OnePath]]]:
