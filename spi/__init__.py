@@ -23,7 +23,7 @@ try:
 except ImportError:  # not on Windows
     fcntl = None
 
-# Threads that wait sleep: where other programs use the processors, too, those that spin take up to ten times as long
+# Threads that wait sleep: where other programs use the processors, too, busy waiting takes up to ten times as long
 # for a small lattice.  Must be said before OpenMP is loaded.
 os.environ.setdefault("OMP_WAIT_POLICY", "passive")
 
