@@ -11,7 +11,8 @@ from matplotlib import colors
 
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..statistics.curves import Curve, crossings
+from ..statistics.crossings import crossings
+from ..statistics.curves import Curve
 from ..storage.stored import AT_MOST
 from . import layout, page, plots, style
 
@@ -72,17 +73,13 @@ def _overlaid(cases: Sequence[Case]) -> Case:
 
 def each_value(curve: Curve) -> list[Curve]:
     """Curves over the first of two swept parameters, one for each value of the second."""
-    values = sorted({point.about.swept.second_value for point in curve.points if point.about.swept})
-    return [_at_second(curve, value) for value in values]
+    return [_at_second(curve, value, line) for value, line in curve.lines()]
 
 
-def _at_second(curve: Curve, value: float) -> Curve:
-    points = tuple(point for point in curve.points if point.about.swept and point.about.swept.second_value == value)
-    about, text = points[0].about, style.value_of(curve.second_word, value)
+def _at_second(curve: Curve, value: float, line: Curve) -> Curve:
+    about, text = line.about, style.value_of(curve.second_word, value)
     label = f"{about.scheme_label}, {text}" if curve.about.scheme_label else text
-    swept = about.swept and replace(about.swept, second_word="", second_value=math.nan)
-    own = replace(about, variant=f"{about.variant}/{value:g}", scheme_label=label, swept=swept)
-    return curve._replace(points=points, about=own)
+    return line._replace(about=replace(about, variant=f"{about.variant}/{value:g}", scheme_label=label))
 
 
 def draw_maps(title: str, cases: Sequence[Case]) -> layout.PanelFigure:
@@ -173,15 +170,17 @@ def _dressed(at: plots.Places, marked: Sequence[tuple[float, float, str]]) -> pl
 
 
 def _crossing(curves: Sequence[Curve], at: plots.Places) -> list[tuple[float, float, str]]:
-    """Where two lines cross, with half the 95 % interval and both as text; ValueError where there are not two lines."""
-    if len(curves) != 2 or not np.array_equal(at.values, at.at):
+    """Where each line crosses the next, with half the 95 % interval and both as text; ValueError where there is one."""
+    if len(curves) < 2 or not np.array_equal(at.values, at.at):
         raise ValueError(f"crossing: needs two lines over a number, and there are {len(curves)}; give overlay: cases")
     word = style.symbol(curves[0].word) or curves[0].word
     marked = []
-    for value, half in crossings(*curves):
-        digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 6  # two of the half width, rounded up
-        rounded = math.ceil(half * 10**digits - 1e-9) / 10**digits
-        marked.append((value, half, rf"crossing at ${word}={value:.{digits}f}\pm{rounded:.{digits}f}$"))
+    for crossing in crossings((style.label(curve.about), curve) for curve in curves):
+        names = f"crossing of {crossing.first[0]} and {crossing.second[0]}" if len(curves) > 2 else "crossing"
+        for value, half, *_ in crossing.places:
+            digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 6  # two of the half width, rounded up
+            rounded = math.ceil(half * 10**digits - 1e-9) / 10**digits
+            marked.append((value, half, rf"{names} at ${word}={value:.{digits}f}\pm{rounded:.{digits}f}$"))
     return marked
 
 

@@ -7,7 +7,7 @@ import numpy as np
 
 from spi.ensemble.increments import draw_paths
 from spi.ensemble.long_states import LONG
-from spi.ensemble.loop import TimeGrid
+from spi.ensemble.loop import TimeGrid, thread_count
 from spi.ensemble.protocol import conserved, function_calls, one_path
 from spi.ensemble.random_states import RandomState
 from spi.kinds.functions import path_function
@@ -28,6 +28,12 @@ def is_long(case: Any) -> bool:
 def look_ns(case: Any, functions: int) -> float:
     """Nanoseconds of looking at the state of a long path once, at typical speed."""
     return len(case.initial) / 3 * (COPY_NS + FUNCTION_NS * functions)
+
+
+def move_seconds(mover: Any, steps: int) -> float:
+    """Seconds of typical speed for so many steps, as all threads together have them, of which some may be idle."""
+    threads = thread_count()
+    return 1e-9 * steps * float(mover.ns) * threads / min(threads, mover.most_threads)
 
 
 def bytes_of(case: Any) -> int:

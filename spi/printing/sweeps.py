@@ -3,10 +3,12 @@
 import math
 from collections.abc import Iterator, Sequence
 from itertools import compress
+from typing import Any
 
 import numpy as np
 
 from ..statistics.claims import Quantity
+from ..statistics.crossings import Crossing
 from ..statistics.curves import Curve
 from .tables import StyledText, TextTable
 from .text import fraction, interval_text, power_of_two, short, with_interval
@@ -118,3 +120,35 @@ def _ends(curve: Curve) -> str:
     theory = f" (theory {fraction(ends[0].expected)})" if stated else ""
     whose = ", ".join(filter(None, (curve.about.label, curve.about.estimator)))
     return f"{' to '.join(values)}{theory}{zeros} with {whose}"
+
+
+def crossing_rows(crossings: Sequence[Crossing]) -> list[dict[str, Any]]:
+    """A row for each crossing: the parameter and the quantity there, with their 95 % intervals."""
+    rows = []
+    for one in crossings:
+        (first, curve), (second, _) = one.first, one.second
+        about = {"scheme": curve.about.scheme, "estimator": curve.about.estimator or None}
+        head = {"quantity": curve.function or curve.name, "first": first, "second": second, **about}
+        for place in one.places:
+            numbers = {curve.word: (place.at, place.at_half), "value": (place.value, place.value_half)}
+            row: dict[str, Any] = {name: it for name, it in head.items() if it is not None}
+            for name, (value, half) in numbers.items():
+                row |= {name: value, f"{name}_low": value - half, f"{name}_high": value + half}
+            rows.append(row)
+    return rows
+
+
+def crossing_lines(crossings: Sequence[Crossing]) -> list[str]:
+    """Sentences on where curves cross, ``binder of a and b cross at T = 1.44 ± 0.01, where it is 0.62 ± 0.01``."""
+    lines = []
+    for one in crossings:
+        (first, curve), (second, _) = one.first, one.second
+        whose = ", ".join(filter(None, (curve.about.label, curve.about.estimator)))
+        subject = f"{curve.function or curve.label} of {first} and {second}"
+        for place in one.places:
+            at = f"{curve.word} = {with_interval(place.at, place.at_half)}"
+            value = with_interval(place.value, place.value_half)
+            lines.append(f"{subject}: crossing at {at}, where it is {value}, with {whose}")
+        if not one.places:
+            lines.append(f"{subject}: no crossing is certain to 95 %, with {whose}")
+    return lines

@@ -16,6 +16,7 @@ from ..printing.text import new_console, printable
 from ..specs.document import Document, SpecError
 from ..specs.figures import read_figure
 from ..statistics import claims
+from ..statistics.crossings import Crossing, crossings, lines_of
 from ..statistics.curves import Curve, curves
 from ..storage import StorageError, write_all
 from ..storage.records import Group, StoredResults
@@ -57,6 +58,21 @@ def _whole(read: list[Stored], of: Sequence[str]) -> SweptCase:
         raise ValueError(f"panels: has '{unknown}'; of a sweep they are quantities: {', '.join(known)}")
     shown = [curve for curve in curves(quantities, of or swept.of or read[0].headline) if curve.is_known]
     return SweptCase(swept.owner, swept.title, read, shown)
+
+
+def crossings_of(results: StoredResults, read: Sequence[Stored]) -> list[Crossing]:
+    """Crossings of the curves of the quantity that the key ``figure`` of the spec names, of cases or second values."""
+    if not (of := chosen(results).get("crossing")):
+        return []
+    owners: dict[str, list[Stored]] = {}
+    for one in read:
+        if one.about.swept:
+            owners.setdefault(one.about.owner, []).append(one)
+    cases = []
+    for owner, own in owners.items():
+        quantities = [one for case in by_case(own) for one in claims.quantities(case)]
+        cases.append((owner, curves(quantities, [*dict.fromkeys(one.name for one in quantities)])))
+    return crossings(lines_of(cases, of))
 
 
 def readings(results: StoredResults) -> list[Stored]:
@@ -121,6 +137,8 @@ def data_tables(results: StoredResults) -> dict[str, DataTable]:
     found = tables_of(read)
     for main in [*found.values()][:1]:
         main.further = lambda row: tables.columns(row, owners[row["case"]], judged)
+    if rows := sweeps.crossing_rows(crossings_of(results, read)):
+        found["crossings"] = DataTable("crossings", (), own=rows)
     return found
 
 
@@ -198,11 +216,13 @@ def show(results: StoredResults, console: Any, everything: bool = False) -> None
     Tables in which a line says enough are that line, unless `everything` is asked for.
     """
     cases = list(by_cases(results, everything))  # before anything is printed: they may not be readable
+    lines = sweeps.crossing_lines(crossings_of(results, readings(results)))
     if title := results.attributes.get("title"):
         console.print(printable(title), style="bold", markup=False)
     for items, judged in cases:
         show_items(console, items)
         tables.show(console, judged)
+    show_items(console, [StyledText(line) for line in lines])
 
 
 def by_cases(

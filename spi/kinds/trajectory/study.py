@@ -125,7 +125,7 @@ class TrajectoryPlan(alone.LatticePlan):
     def _seconds_per_step(self) -> float:
         """Seconds of one thread at typical speed for a step of all these paths."""
         if self.movers:
-            return 1e-9 * float(self.movers[0].ns)
+            return alone.move_seconds(self.movers[0], 1)
         return self._paths * 1e-9 * typical_ns(self.row, self.model)
 
     def advance(self, chunks: Sequence[Chunk], started: OnePath | None) -> Iterator[list[tuple[Chunk, OnePath]]]:

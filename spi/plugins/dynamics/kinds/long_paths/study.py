@@ -104,8 +104,8 @@ class LongPlan(alone.LatticePlan):
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = sum(self.case.counts)
         if self.movers:
-            seconds = 1e-9 * sum(n * mover.ns for n, mover in zip(self.case.counts, self.movers, strict=True))
-            return PartCost(steps, seconds, alone.bytes_of(self.case))
+            seconds = map(alone.move_seconds, self.movers, self.case.counts)
+            return PartCost(steps, sum(seconds), alone.bytes_of(self.case))
         blocks = -(-self.case.samples // LANES)
         steps *= paths_moved(self.model, self.case.samples)
         idle = loop.thread_count() / min(loop.thread_count(), blocks)  # a block cannot be shared
