@@ -24,12 +24,16 @@ def states(spec, folder, *replaced, **options):
 
 
 def slope(t, s):
-    """The equation, mu s' = b x s + alpha (b - (s . b) s), of two spins with one bond."""
+    return slope_in(1.3 * np.array([np.cos(2 * t), np.sin(2 * t)]), s)
+
+
+def slope_in(field, s):
+    """The equation, mu s' = b x s + alpha s x (b x s), of two spins with one bond in a field (Bx, By, 0.7)."""
     d, b = np.array([0.1, 0.2, 0.3]), np.empty((2, 3))
     b[0] = s[1] + np.cross(s[1], d)
     b[1] = s[0] + np.cross(d, s[0])
-    b += 2 * np.array([1.3 * np.cos(2 * t), 1.3 * np.sin(2 * t), 0.7]) + 0.4 * s * [0, 0, 1]
-    return (np.cross(b, s) + 0.3 * (b - (s * b).sum(axis=1, keepdims=True) * s)) / 2
+    b += 2 * np.array([*field, 0.7]) + 0.4 * s * [0, 0, 1]
+    return (np.cross(b, s) + 0.3 * np.cross(s, np.cross(b, s))) / 2
 
 
 def runge_kutta(s, steps):
