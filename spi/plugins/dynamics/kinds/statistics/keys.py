@@ -144,6 +144,11 @@ class Correlated(Keys):
         if depends_on_time(case.model):
             fault = "is for paths whose law does not change, and the model depends on time"
             raise wrong(fault, "leave it out; autocorrelation names a first time", "time_correlations")
+        for name, function in zip(case.functions, case.path_functions, strict=True):
+            if function.start is not None:
+                raise wrong(
+                    "names t, and time_correlations average over times", "leave out one of them", "functions", name
+                )
         between, last = case.stride * case.step, float(case.t[-1])
         if case.times or round(self.until / between) < 2 or self.until > last:
             right = f"must be between {quantity(2 * between)} and {quantity(last)}; leave out times, use every"

@@ -416,7 +416,9 @@ class StatisticsPlan(SampledPlan):
         """(F, T) where all paths have the same value by what the function is, or because nothing is random."""
         case, functions = self.case, self.columns.functions
         random = isinstance(self.initial, RandomState)
-        always = np.array([[function.is_constant or not self.is_random] for function in functions])
+        always = np.array(
+            [[function.is_constant or function.is_of_time or not self.is_random] for function in functions]
+        )
         at_start = np.array([[function.functional == "start"] for function in functions]) | (case.t == 0)
         return always | (at_start & (not random))
 
