@@ -203,7 +203,7 @@ class _Trees(Words, Numbers):
 
     longest = math.inf  # the number of records is bounded instead
     compares = True
-    hidden = ("i",)
+    hidden = ("i", "t")
 
     def __init__(self, dimension, names=(), words=None):
         self.dimension, within = dimension, min(dimension, MOST)

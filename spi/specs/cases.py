@@ -26,6 +26,7 @@ from ..ensemble.protocol import (
     flows_lacking,
     has_bath,
     has_friction,
+    initial_time,
     large,
     named_numbers,
     noise_indices,
@@ -40,7 +41,7 @@ from ..expressions import as_numpy, canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import TAKEN, meaning_of, numbered, written_out
 from ..models import MODELS
-from ..models.delegation import damped, thermal, undamped
+from ..models.delegation import damped, depends_on_time, thermal, undamped
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
 from ..statistics.claims import Claim
@@ -98,13 +99,17 @@ class FunctionKeys(CodeKeys):
         model: Any
         variables: tuple[str, ...]
 
+        @property
+        def last_time(self) -> float: ...
+
     @property
     def expressions(self) -> tuple:
         """Trees of the test functions, in the order of their names."""
         return tuple(map(self._parsed, self.functions.values()))
 
     def _parsed(self, text: str, names: tuple[str, ...] = ()) -> Any:
-        known = named_in(text, self.model, self.variables, self.python)
+        at_end = {"t": initial_time(undamped(self.model)) + self.last_time}
+        known = at_end | named_in(text, self.model, self.variables, self.python)
         return parse_expression(text, dimension(self.model), names, known)
 
     @pydantic.field_serializer("functions")
@@ -379,6 +384,8 @@ class BaseCase(Keys):
                 "others with samples: 1, by splittings without coins, splitting_metropolis with by: sites, "
                 "and periodic lengths that divide into 64 equal parts"
             )
+            if depends_on_time(self.model):
+                right = f"paths of a model that depends on time have at most {MOST_NOISES}; take a smaller one"
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
             self._check_scheme(name)

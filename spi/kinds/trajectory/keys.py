@@ -154,7 +154,7 @@ panels: [casimirs, hamiltonian, components]
             check_function(self, name, text)
         section = self.section
         for key, text in [("of", section.of), *(("store", text) for text in section.store)] if section else ():
-            check_function(self, key, text, key="section")
+            check_function(self, key, text, key="section", timeless="a section is a surface of states")
         return self.model_copy(update={"functions": functions})
 
     @condition

@@ -175,14 +175,17 @@ class TrajectoryPlan(alone.LatticePlan):
         """Part of the path that is done, of 1, and no standard error."""
         return Done(state.so_far().steps / self.grid.reference_steps, 1, float("nan"))
 
-    def _values(self, y: np.ndarray) -> Values | None:
-        """Functions of the case along the path."""
+    def _values(self, y: np.ndarray, t: np.ndarray) -> Values | None:
+        """Functions of the case along the path, of its states (stored, d) at the times t."""
         case = self.case
         if not case.functions:
             return None
         functions = [function_of(case, text) for text in case.functions.values()]
         texts = tuple(function.label for function in functions)
-        value = np.array([evaluated(functions, state) for state in y]).T if self.is_long else evaluated(functions, y.T)
+        if self.is_long:
+            value = np.array([evaluated(functions, *one) for one in zip(y, t, strict=True)]).T
+        else:
+            value = evaluated(functions, y.T, t)
         return Values(functions=tuple(case.functions), texts=texts, value=value)
 
     def _section(self, y: np.ndarray) -> Crossings | None:
@@ -257,7 +260,7 @@ class TrajectoryPlan(alone.LatticePlan):
                 "nonfinite_from": float(t[lost[0]]) if len(lost) else None,
                 "times": case.times or (),
                 "preserves": self.row.preserves,
-                "values": self._values(y),
+                "values": self._values(y, t),
                 "section": self._section(path.y),
                 "geometry": json.dumps(place) if (place := geometry(case.model)) else "",
             }

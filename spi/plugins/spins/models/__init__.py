@@ -15,7 +15,7 @@ from typing import Annotated, Any, Literal, NamedTuple
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 
-from spi.ensemble.protocol import dimension, flow_ns, noises, pieces
+from spi.ensemble.protocol import dimension, flow_ns, noises, parameters, pieces
 from spi.models.delegation import answering_as_inner
 
 from .cells import call_of_sums
@@ -104,6 +104,7 @@ class Spins(NamedTuple):
     variables: Annotated[
         tuple[str, ...], "names of the components, by default x(1), y(1), z(1), x(2), ...; at most those of 4096 sites"
     ] = ()
+    initial_time: Annotated[float, "t of a field in time at the beginning of the experiment"] = 0.0
 
     large, in_place = True, True
     conserved, sphere_size = 1, 3
@@ -163,6 +164,10 @@ class Spins(NamedTuple):
         worst = int(np.argmax(away))
         return f"has the spin {worst + 1} of length {lengths[worst]:.6g}", "spins must have length 1"
 
+    def parameters(model):
+        """All fields, but a time only where something depends on it."""
+        return {key: value for key, value in model._asdict().items() if key != "initial_time" or is_driven(model)}
+
     def geometry(model):
         cell = model.cell
         place = {"sites": cell.sites, "vectors": cell.vectors, "fractions": cell.fractions.tolist()}
@@ -180,7 +185,7 @@ class Spins(NamedTuple):
 
     def named_numbers(model):
         """Fields that are numbers, n sites, and the numbers of a definition."""
-        numbers = {key: x for key, x in model._asdict().items() if isinstance(x, float)}
+        numbers = {key: x for key, x in parameters(model).items() if isinstance(x, float)}
         return numbers | {"n": dimension(model) // 3} | _NAMED.get(model, {})
 
     @property
@@ -255,6 +260,8 @@ def _faults_of_terms(model):
             yield "bonds", f"has types that are not there in entry {number}", f"types are 0 .. {len(types) - 1}"
     if len(np.shape(model.field)) > 1 and len(model.field) != sites:
         yield "field", f"has {len(model.field)} vectors", f"must be one, or have {sites}"
+    if model.initial_time and not is_driven(model):
+        yield "initial_time", f"is {model.initial_time:g}, and no field depends on the time t", "leave it out"
     if model.variables and len(set(model.variables)) != dimension(model):
         yield "variables", f"has {len(set(model.variables))} different names", f"must have {dimension(model)}"
     if not isinstance(model.mu, float) and len(model.mu) != sites:
