@@ -130,9 +130,7 @@ def random_state(n: int, spectrum: np.ndarray, energy_wanted: float, seed: int) 
     return y * np.sqrt(energy_wanted / energy(y))
 
 
-def random_places(
-    count: int, centre: tuple[float, float] | None, radius: float | None, seed: int
-) -> tuple[float, ...]:
+def random_places(count: int, centre: tuple[float, float] | None, radius: float | None, seed: int) -> tuple[float, ...]:
     """x_1 of `count` places and then x_2 of them, independent and uniform in a disc, or on the torus for None."""
     uniform = np.random.Generator(np.random.Philox(seed)).random((2, count))
     if centre is None or radius is None:
