@@ -99,7 +99,7 @@ def _rows(
     readings: TrajectoryReadings,
     part: int,
     label: str,
-    over: Callable[[plots.Axes, Trajectory, int], None] | None = None,
+    over: Callable[[Trajectory, int, plots.Axes], None] | None = None,
 ) -> Iterator[list[plots.Plot]]:
     """A row of panels for each scheme, of one part of states, with what `over` draws over a state by its number."""
     shown = [field_values(one, one.shown, part) for one in readings]
@@ -109,14 +109,12 @@ def _rows(
         for i, (field, state) in enumerate(zip(values, one.shown, strict=True)):
             t = float(one.t[state])
             title = ", ".join([style.label(one.about)] * (i == 0) + [f"$t={style.number(t)}$"])
-            own = _field(
-                field, colours, label if i == len(values) - 1 else "", over and partial(over, one=one, state=state)
-            )
+            own = _field(field, colours, label if i == len(values) - 1 else "", over and partial(over, one, state))
             row.append(plots.Plot(title=title, x="$x_1$", y="$x_2$", own=own, aspect=0.95, shared=i > 0))
         yield row
 
 
-def draw_particles(ax: plots.Axes, one: Trajectory, state: int) -> None:
+def draw_particles(one: Trajectory, state: int, ax: plots.Axes) -> None:
     """Draw particles at a stored state, few of them with their paths until then, all on the torus."""
     x = places_of(one)[: state + 1]
     size = 6.0 if x.shape[2] <= _FEW else 1.5
@@ -124,7 +122,7 @@ def draw_particles(ax: plots.Axes, one: Trajectory, state: int) -> None:
         turns, paths = np.floor(x / _CYCLE), x % _CYCLE
         paths[1:][np.repeat((turns[1:] != turns[:-1]).any(axis=1, keepdims=True), 2, axis=1)] = np.nan  # it leaves
         ax.plot(paths[:, 0], paths[:, 1], color="black", linewidth=0.6, alpha=0.7)
-    ax.scatter(*(x[-1] % _CYCLE), s=size, color="black", linewidths=0, zorder=3)
+    ax.scatter(x[-1, 0] % _CYCLE, x[-1, 1] % _CYCLE, size, color="black", linewidths=0, zorder=3)
     ax.set(xlim=(0, _CYCLE), ylim=(0, _CYCLE))
 
 

@@ -9,8 +9,8 @@ from spi.storage.records import Variables
 
 def part_of(reading: Trajectory, part: int = 0) -> np.ndarray:
     """(times, N^2 - 1): the vorticity, part 0, or a tracer."""
-    size = reading.place["modes"] ** 2 - 1
-    return np.asarray(reading.y[:, part * size : (part + 1) * size])
+    fields = reading.y[:, : reading.y.shape[1] - 2 * reading.place.get("particles", 0)]
+    return np.asarray(fields.reshape(len(fields), 1 + reading.place.get("tracers", 0), -1)[:, part])
 
 
 def places_of(reading: Trajectory) -> np.ndarray:
