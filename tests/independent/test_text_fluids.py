@@ -232,3 +232,34 @@ def test_tracers_keep_their_casimirs_and_change_nothing_of_the_vorticity():
         values = np.array([text.casimir(k)(theta) for theta in found[:, 1]])
         assert abs(values - values[0]).max() < 1e-13
     assert abs(found[-1, 1] - found[0, 1]).max() > 0.1
+
+
+# --- particles -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("normalisation", ["paper", "zeitlin"])
+def test_particles_move_with_minus_u_and_have_words(normalisation):
+    """x' = -(2 pi c / N) u(x), u from psi by sums over modes; x1(i) and x2(i) are their places, x_1 of all first"""
+    N, h, c = 5, 1e-6, {"paper": 1, "zeitlin": 5 / (2 * pi)}[normalisation]
+    y, places = state_of(N), 2 * pi * np.array([[3, 20, 11], [8, 1, 17]]) / G
+    model = {"name": "zeitlin", "n": N, "normalisation": normalisation, "particles": 3}
+    start = np.concatenate([y, places.ravel()])
+    found = (program.step(model, "splitting", h, start) - start)[-6:].reshape(2, 3) / h
+    expected = -2 * pi * c / N * fields_of(N, y)[1][:, (3, 20, 11), (8, 1, 17)]
+    assert abs(found - expected).max() < 1e-4 * abs(expected).max()
+    words = {f"x{a}_{i}": f"x{a}({i})" for a in (1, 2) for i in (1, 2, 3)}
+    assert list(program.values(model, start, words).values()) == list(places.ravel())
+
+
+def test_where_particles_begin():
+    model, far = {"name": "zeitlin", "n": 3, "particles": 500}, {"centre": [1, 2], "radius": 0.5}
+    vorticity = {"vorticity": "cos(x1)"}
+    disc, torus = (
+        program.start(model, initial=vorticity | {"cloud": cloud})[0, 8:].reshape(2, 500)
+        for cloud in (far, {"seed": 2})
+    )
+    away = np.hypot(disc[0] - 1, disc[1] - 2)
+    assert away.max() < 0.5 and abs((away < 0.25).mean() - 1 / 4) < 0.08
+    assert torus.min() >= 0 and torus.max() < 2 * pi and abs((torus < pi / 2).mean(axis=1) - 1 / 4).max() < 0.08
+    (two,) = program.start(model | {"particles": 2}, initial=vorticity | {"particles": [["pi/2", 2], [3, -40]]})
+    assert list(two[8:]) == [pi / 2, 3, 2, -40]

@@ -18,6 +18,7 @@ PLUGIN = Plugin(
         "trajectory.vorticity": "spi.plugins.fluids.kinds.trajectory.words:VORTICITY",
         "trajectory.spectrum": "spi.plugins.fluids.kinds.trajectory.words:SPECTRUM",
         "trajectory.tracer": "spi.plugins.fluids.kinds.trajectory.words:TRACER",
+        "trajectory.particles": "spi.plugins.fluids.kinds.trajectory.words:PARTICLES",
         "statistics.energy_spectrum": "spi.plugins.fluids.kinds.statistics.words:SPECTRUM",
         "trajectory.enstrophy": "spi.plugins.fluids.kinds.trajectory.words:ENSTROPHY",
     },

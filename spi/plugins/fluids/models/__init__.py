@@ -53,7 +53,8 @@ class ModeNoise(NamedTuple):
 class Zeitlin(NamedTuple):
     """A two-dimensional ideal fluid of N^2 - 1 real components, with Casimirs C_k = tr W^k / N, k = 2, 3, ...
 
-    A passive tracer has as many components and Casimirs: a matrix that the flows turn as they turn W.
+    A passive tracer has as many components and Casimirs: a matrix that the flows turn as they turn W.  Particles have
+    two components each: x_1 of all stand after the vorticity and the tracers, then x_2 of all.
     """
 
     n: Annotated[int, Ge(3), Le(255), "N, odd: the modes are those of the torus modulo N"]
@@ -61,12 +62,13 @@ class Zeitlin(NamedTuple):
     normalisation: Annotated[Literal["paper", "zeitlin"], "of the bracket: with 1, or with N / (2 pi)"] = "paper"
     casimirs_watched: Annotated[int, Ge(1), Le(16), "how many Casimirs are watched, from C_2 on"] = 4
     tracers: Annotated[int, Ge(0), Le(8), "passive tracers, which the fluid carries along, after the vorticity"] = 0
+    particles: Annotated[int, Ge(0), Le(10_000), "particles, which the fluid carries along, after the tracers"] = 0
 
     large = True
-    symbols = {"n": "N", "casimirs_watched": "", "tracers": ""}  # noqa: RUF012
+    symbols = {"n": "N", "casimirs_watched": "", "tracers": "", "particles": ""}  # noqa: RUF012
 
     def dimension(model):
-        return (1 + model.tracers) * (model.n**2 - 1)
+        return (1 + model.tracers) * (model.n**2 - 1) + 2 * model.particles
 
     def pieces(model):
         return len(lines(model.n))
@@ -79,7 +81,8 @@ class Zeitlin(NamedTuple):
 
     def flow_ns(model):
         """Fitted to N = 5, ..., 127 on a processor with AVX-512; transforms dominate from N = 31 on."""
-        return (1 + model.tracers) * (40.0 + 4.0 * model.n**1.5 + 0.04 * model.n**3)
+        fields = (1 + model.tracers) * (40.0 + 4.0 * model.n**1.5 + 0.04 * model.n**3)
+        return fields + 2.0 * model.n * model.particles
 
     def report(model, initial):
         from .fields import report  # which needs this class
@@ -87,14 +90,15 @@ class Zeitlin(NamedTuple):
         return report(model, initial)
 
     def geometry(model):
-        return {"on": "torus", "modes": model.n} | ({"tracers": model.tracers} if model.tracers else {})
+        carried = {"tracers": model.tracers, "particles": model.particles}
+        return {"on": "torus", "modes": model.n} | {key: count for key, count in carried.items() if count}
 
     def parameters(model):
-        """All fields, tracers where there are some."""
-        return {key: value for key, value in model._asdict().items() if key != "tracers" or value}
+        """All fields, tracers and particles where there are some."""
+        return {key: x for key, x in model._asdict().items() if key not in ("tracers", "particles") or x}
 
     def observables(model):
-        return observables_of(model.n, model.tracers)
+        return observables_of(model.n, model.tracers, model.particles)
 
     def in_kernels(model):
         return tables(model)

@@ -130,6 +130,16 @@ def random_state(n: int, spectrum: np.ndarray, energy_wanted: float, seed: int) 
     return y * np.sqrt(energy_wanted / energy(y))
 
 
+def random_places(count: int, centre: tuple[float, float] | None, radius: float | None, seed: int) -> tuple[float, ...]:
+    """x_1 of `count` places and then x_2 of them, independent and uniform in a disc, or on the torus for None."""
+    uniform = np.random.Generator(np.random.Philox(seed)).random((2, count))
+    if centre is None or radius is None:
+        return tuple((2 * np.pi * uniform).ravel().tolist())
+    turn, length = 2 * np.pi * uniform[0], radius * np.sqrt(uniform[1])
+    x1, x2 = centre[0] + length * np.cos(turn), centre[1] + length * np.sin(turn)
+    return (*x1.tolist(), *x2.tolist())
+
+
 @functools.cache
 def shells_of(n: int) -> np.ndarray:
     """(d / 2,) the shell of each mode."""

@@ -11,7 +11,8 @@ from spi.compiler.vectors import TILE, WIDTH, multiply_tile
 from spi.ensemble.protocol import add_block_drift
 
 from .flows import turn, turn_work
-from .tables import LineTables, lattice, lines, modes, on_lines, places
+from .shears import shear
+from .tables import LineTables, Mode, lattice, lines, modes, on_lines, places
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The Casimirs C_k = tr W^k / N, k = 2, 3, ...: for large N the means of omega(x)^k over the torus.
@@ -93,7 +94,10 @@ QUADRATIC, REAL, IMAGINARY = range(3)
 
 
 class Noises(NamedTuple):
-    """Wiener processes line by line: those of the same line are a group, whose flows are one flow."""
+    """Wiener processes line by line: those of the same line are a group, whose flows are one flow.
+
+    Where there are particles, a group has modes of one direction: their shears commute.
+    """
 
     line: np.ndarray  #: (groups,) the line
     first: np.ndarray  #: (groups + 1,) where the processes of a group begin in the arrays that follow
@@ -106,12 +110,16 @@ class Noises(NamedTuple):
 
 
 class ZeitlinTables(NamedTuple):
-    """Sine-Euler equations of one N, with their noise; after the vorticity each tracer has as many components."""
+    """Sine-Euler equations of one N, with their noise.
+
+    After the vorticity each tracer has as many components; then come x_1 of all particles, and x_2 of all.
+    """
 
     lattice: LineTables
     noise: Noises
     sigma: np.ndarray  #: (m,)
     size: int  #: N^2 - 1
+    fields: int  #: components of the vorticity and of tracers
     d: int
     p: int
     m: int
@@ -124,9 +132,11 @@ class ZeitlinTables(NamedTuple):
     def noise_groups(model):
         return len(model.noise.line)
 
-    def noises_commute(model):  # the bracket of omega_m and omega_n is 0 where N divides m x n
+    def noises_commute(model):
+        # the bracket of omega_m and omega_n is 0 where N divides m x n, shears of particles commute where m x n is 0
         m1, m2 = np.reshape(modes(model.lattice.n), (-1, 2))[model.noise.mode].T
-        return not ((np.outer(m1, m2) - np.outer(m2, m1)) % model.lattice.n).any()
+        products = np.outer(m1, m2) - np.outer(m2, m1)
+        return not (products % model.lattice.n if model.fields == model.d else products).any()
 
     def block_work(model):
         return turn_work(model.lattice.n) + model.d * WIDTH
@@ -150,7 +160,8 @@ class ZeitlinTables(NamedTuple):
             turn_all(False, model, model.noise.line[group], width, y, out, work)
 
     def add_block_ito_correction(model, h, width, y, out, work):
-        # f' f = f twice: the amplitude, of the modes on the line, is the same at y and along f(y), where these are 0
+        # f' f = f twice: the amplitude, of the modes on the line, is the same at y and along f(y), where these are 0;
+        # of particles it is 0, since the wave that moves them is the same all along their way
         field, work = work[: model.d * WIDTH], work[model.d * WIDTH :]
         times = np.zeros(model.m * WIDTH)
         for group in range(len(model.noise.line)):
@@ -160,8 +171,8 @@ class ZeitlinTables(NamedTuple):
                 clear_amplitudes(model, work)
                 add_noise_amplitude(model, e, times, width, y, work)
                 field[:] = 0.0
-                turn_all(False, model, model.noise.line[group], width, y, field, work)
-                turn_all(False, model, model.noise.line[group], width, field, out, work)
+                turn_fields(False, model, model.noise.line[group], width, y, field, work)
+                turn_fields(False, model, model.noise.line[group], width, field, out, work)
 
     def block_noise_slopes(model, width, y, slopes, work):
         # X_k H is the change of -Ĥ_k along B grad H
@@ -187,9 +198,9 @@ class ZeitlinTables(NamedTuple):
         return energy
 
     def casimirs(model, y):
-        count = model.c * model.size // model.d
+        count = model.c * model.size // model.fields
         values = np.empty(model.c)
-        for j in range(model.d // model.size):
+        for j in range(model.fields // model.size):
             own = y[j * model.size : (j + 1) * model.size]
             values[j * count : (j + 1) * count] = first_casimirs(model.lattice, count, own)
         return values
@@ -197,9 +208,19 @@ class ZeitlinTables(NamedTuple):
 
 @device
 def turn_all(exact, model, line, width, y, out, work):
+    """Flow of a line: of the vorticity, of each tracer, and of particles."""
+    largest = turn_fields(exact, model, line, width, y, out, work)
+    begin, places = model.fields * width, (model.d - model.fields) // 2 * width
+    if places:
+        shear(exact, model.lattice, line, places, width, y[begin:], out[begin:], work)
+    return largest
+
+
+@device
+def turn_fields(exact, model, line, width, y, out, work):
     """Flow of a line: of the vorticity, and the same of each tracer; see ``flows.turn``."""
     largest = turn(exact, model.lattice, line, width, y, out, work)
-    for begin in range(model.size, model.d, model.size):
+    for begin in range(model.size, model.fields, model.size):
         turn(exact, model.lattice, line, width, y[begin * width :], out[begin * width :], work)
     return largest
 
@@ -253,16 +274,16 @@ def tables(model) -> ZeitlinTables:
     n, processes = model.n, model.processes
     m = len(processes)
     where = on_lines(n)
-    by_line: dict[int, list[int]] = {}
+    by_line: dict[tuple[int, Mode], list[int]] = {}
     for number, process in enumerate(processes):
-        by_line.setdefault(where[process.mode].line, []).append(number)
+        by_line.setdefault((where[process.mode].line, _direction(model, process.mode)), []).append(number)
     order = [number for numbers in by_line.values() for number in numbers]
     forms = {"quadratic": QUADRATIC, "cosine": REAL, "sine": IMAGINARY}
     lengths = [math.hypot(*processes[number].mode) for number in order]
     return ZeitlinTables(
         lattice=lattice(n),
         noise=Noises(
-            line=np.array(list(by_line), np.int64),
+            line=np.array([line for line, _ in by_line], np.int64),
             first=np.cumsum([0, *map(len, by_line.values())]),
             process=np.array(order, np.int64),
             mode=np.array([places(n)[processes[number].mode][0] for number in order], np.int64),
@@ -278,9 +299,16 @@ def tables(model) -> ZeitlinTables:
         ),
         sigma=np.array([process.sigma for process in processes], float),
         size=n * n - 1,
-        d=(1 + model.tracers) * (n * n - 1),
+        fields=(1 + model.tracers) * (n * n - 1),
+        d=model.dimension(),
         p=len(lines(n)),
         m=m,
         c=(1 + model.tracers) * min(model.casimirs_watched, n - 1),
         scale=1.0 if model.normalisation == "paper" else n / (2 * math.pi),
     )
+
+
+def _direction(model, mode: Mode) -> Mode:
+    """Direction of a mode where groups of noises need it, else (0, 0)."""
+    divisor = math.gcd(*mode)
+    return (mode[0] // divisor, mode[1] // divisor) if model.particles else (0, 0)

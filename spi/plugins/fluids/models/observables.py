@@ -13,8 +13,8 @@ from .tables import modes, places, shell
 
 
 @functools.lru_cache(8)
-def observables_of(n: int, tracers: int) -> Mapping[str, Callable[[Array], Any] | FunctionFamily]:
-    """Observables of the states ((1 + tracers) (N^2 - 1), ...) of an N by name."""
+def observables_of(n: int, tracers: int, particles: int) -> Mapping[str, Callable[[Array], Any] | FunctionFamily]:
+    """Observables of the states ((1 + tracers) (N^2 - 1) + 2 particles, ...) of an N by name."""
     named = {
         "omega_re": _real_part,
         "omega_im": _imaginary_part,
@@ -27,6 +27,8 @@ def observables_of(n: int, tracers: int) -> Mapping[str, Callable[[Array], Any] 
     for j in range(1, tracers + 1):
         of_tracer = {f"tracer{j}": _vorticity, f"tracer{j}_re": _real_part, f"tracer{j}_im": _imaginary_part}
         families |= {name: _family(member, name, n, j) for name, member in of_tracer.items()}
+    if particles:
+        families |= {f"x{a + 1}": FunctionFamily(functools.partial(_place_of, a, particles)) for a in (0, 1)}
     return {**families, "enstrophy": functools.partial(_of_part, _squares, n, 0)}
 
 
@@ -38,6 +40,14 @@ def _family(member: Callable[..., Callable[[Array], Any]], name: str, n: int, pa
 def _of_part(function: Callable[[Array], Any], n: int, part: int, y: Array) -> Any:
     """Function of one part of states."""
     return function(y[part * (n * n - 1) : (part + 1) * (n * n - 1)])
+
+
+def _place_of(axis: int, particles: int, *number: Any) -> Callable[[Array], Any]:
+    """x_1 or x_2 of a particle by its number, from 1 on; the places stand at the end of states."""
+    if len(number) != 1 or number[0] != int(number[0]) or not 1 <= number[0] <= particles:
+        raise NumberError(f"x{axis + 1} takes a particle, a whole number from 1 to {particles}")
+    i = int(number[0]) - 1 - (2 - axis) * particles
+    return lambda y: y[i]
 
 
 # ---------------------------------------------------------------------------------------------------------------------

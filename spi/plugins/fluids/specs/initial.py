@@ -37,6 +37,19 @@ class Random(Keys):
     seed: key_of(Seed, "seed of the random phases and amplitudes") = 1
 
 
+class Cloud(Keys):
+    """Places of particles at random, independent and uniform, on the whole torus or in a disc."""
+
+    centre: key_of(tuple[float, float] | None, "centre of the disc") = None
+    radius: key_of(Positive | None, "radius of the disc") = None
+    seed: key_of(Seed, "seed of the places") = 1
+
+    @condition
+    def _check_both(self) -> None:
+        if (self.centre is None) != (self.radius is None):
+            raise wrong("has one of centre and radius", "give both, or none for the whole torus")
+
+
 class Vorticity(Keys):
     """An initial vorticity on the torus, given in one of three ways."""
 
@@ -50,6 +63,8 @@ class Vorticity(Keys):
         tuple[str, ...],
         "an expression in x1 and x2 for each passive tracer; its mean, which nothing moves, is left out",
     ) = ()
+    particles: key_of(tuple[tuple[float, float], ...], "places of particles, as [[1, 2], [pi, pi/2]]") = ()
+    cloud: key_of(Cloud, "places of particles at random, instead of particles") = ABSENT
 
     @condition
     def _check_one(self) -> None:
@@ -65,11 +80,20 @@ class Vorticity(Keys):
         if n is None:
             right = "must be a list, a number per component, or have file"
             raise wrong("is a vorticity, which is for sine_euler and zeitlin", right)
-        if len(self.tracers) != (wanted := geometry(model).get("tracers", 0)):
-            right = f"must have {entries_in(wanted)}, one for each of the model" if wanted else "leave it out"
-            raise wrong(f"has {entries_in(len(self.tracers))}", right, "tracers")
+        _check_count(model, "tracers", self.tracers)
         each = [_of_field(text, True, n, ("tracers", i)) for i, text in enumerate(self.tracers)]
-        return sum(each, self._vorticity(n))
+        return sum(each, self._vorticity(n)) + self._places(model)
+
+    def _places(self, model: Any) -> tuple[float, ...]:
+        """x_1 of all particles, and x_2 of all."""
+        if self.cloud is None:
+            _check_count(model, "particles", self.particles)
+            return sum(zip(*self.particles, strict=True), ())
+        if not (count := geometry(model).get("particles", 0)):
+            raise wrong("is for a model with particles", "leave it out", "cloud")
+        if self.particles:
+            raise wrong("stands beside particles", "leave one of them out", "cloud")
+        return fields.random_places(count, self.cloud.centre, self.cloud.radius, self.cloud.seed)
 
     def _vorticity(self, n: int) -> tuple[float, ...]:
         """The first components."""
@@ -80,12 +104,19 @@ class Vorticity(Keys):
         return _of_field(self.vorticity, self.subtract_mean, n)
 
 
+def _check_count(model: Any, key: str, given: tuple[Any, ...]) -> None:
+    """Error about a key that has not an entry for each tracer, or particle, of the model."""
+    if len(given) != (wanted := geometry(model).get(key, 0)):
+        right = f"must have {entries_in(wanted)}, one for each of the model" if wanted else "leave it out"
+        raise wrong(f"has {entries_in(len(given))}", right, key)
+
+
 def of_grid(model: Any, values: np.ndarray, subtract_mean: bool) -> tuple[float, ...]:
     """State that is nearest to the vorticity with these values on a grid, which stand in a file."""
     n: Any = fields.lattice_of(model)
-    if geometry(model).get("tracers"):
+    if carried := next((key for key in ("tracers", "particles") if geometry(model).get(key)), ""):
         right = "give all components in one dimension, as np.concatenate of spi.fluid.state of each"
-        raise wrong("is a vorticity, and the model has tracers", right, "file")
+        raise wrong(f"is a vorticity, and the model has {carried}", right, "file")
     if values.ndim != 2 or values.shape[0] != values.shape[1] or len(values) < n:
         shape = " x ".join(map(str, values.shape))
         right = f"must have as many columns as rows, at least {n}; or one dimension"

@@ -1,7 +1,7 @@
 """Vorticity in the figure and in the film of trajectories: fields, spectra, and the enstrophy over time."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -12,7 +12,7 @@ from spi.drawing import Figure, panels, plots, style
 from spi.kinds.trajectory.figure import TrajectoryReadings, times_shown, window
 from spi.kinds.trajectory.film import Filmed, Screen, states_shown
 from spi.kinds.trajectory.results import Trajectory
-from spi.plugins.fluids.kinds.trajectory.numbers import part_of, spectra_of
+from spi.plugins.fluids.kinds.trajectory.numbers import part_of, places_of, spectra_of
 from spi.plugins.fluids.models.fields import enstrophy, size_of, vorticity
 
 SIGNED, ONE_SIGN = "RdBu_r", "viridis"  #: colours of vorticity: blue negative, white 0, red positive; of one sign
@@ -23,6 +23,7 @@ _SPARE = 1e-3  # of the smallest energy at the last time: how far down the spect
 _INERTIAL = -3.0  # the power of k with which the energy falls where enstrophy goes to small scales
 _LEAST_SHELLS = 6  # for a line of this slope
 _STEEP = 6.0  # a spectrum whose slope differs by more has no line of that slope beside it
+_FEW = 24  # particles that are drawn with their paths
 _SEEN = 0.01  # by which a field must exceed the range of the colours so that the colour bar shows it
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -89,22 +90,49 @@ def tracers(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[list[p
         yield from _rows(readings, j, rf"tracer $\theta_{j}$")
 
 
-def _rows(readings: TrajectoryReadings, part: int, label: str) -> Iterator[list[plots.Plot]]:
-    """A row of panels for each scheme, of one part of states."""
+def particles(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[list[plots.Plot]]:
+    """Particles on the vorticity at the chosen times, a row of panels for each scheme; few have their paths behind."""
+    yield from _rows(readings, 0, r"vorticity $\omega$", draw_particles)
+
+
+def _rows(
+    readings: TrajectoryReadings,
+    part: int,
+    label: str,
+    over: Callable[[Trajectory, int, plots.Axes], None] | None = None,
+) -> Iterator[list[plots.Plot]]:
+    """A row of panels for each scheme, of one part of states, with what `over` draws over a state by its number."""
     shown = [field_values(one, one.shown, part) for one in readings]
     colours = colours_of(readings, [_ends(values) for values in shown])
     for one, values in zip(readings, shown, strict=True):
         row = []
-        for i, (field, t) in enumerate(zip(values, one.t[one.shown].tolist(), strict=True)):
+        for i, (field, state) in enumerate(zip(values, one.shown, strict=True)):
+            t = float(one.t[state])
             title = ", ".join([style.label(one.about)] * (i == 0) + [f"$t={style.number(t)}$"])
-            own = _field(field, colours, label if i == len(values) - 1 else "")
+            own = _field(field, colours, label if i == len(values) - 1 else "", over and partial(over, one, state))
             row.append(plots.Plot(title=title, x="$x_1$", y="$x_2$", own=own, aspect=0.95, shared=i > 0))
         yield row
 
 
-def _field(field: np.ndarray, colours: Colours, label: str) -> plots.Draw:
+def draw_particles(one: Trajectory, state: int, ax: plots.Axes) -> None:
+    """Draw particles at a stored state, few of them with their paths until then, all on the torus."""
+    x = places_of(one)[: state + 1]
+    size = 6.0 if x.shape[2] <= _FEW else 1.5
+    if x.shape[2] <= _FEW:
+        turns, paths = np.floor(x / _CYCLE), x % _CYCLE
+        paths[1:][np.repeat((turns[1:] != turns[:-1]).any(axis=1, keepdims=True), 2, axis=1)] = np.nan  # it leaves
+        ax.plot(paths[:, 0], paths[:, 1], color="black", linewidth=0.6, alpha=0.7)
+    ax.scatter(x[-1, 0] % _CYCLE, x[-1, 1] % _CYCLE, size, color="black", linewidths=0, zorder=3)
+    ax.set(xlim=(0, _CYCLE), ylim=(0, _CYCLE))
+
+
+def _field(
+    field: np.ndarray, colours: Colours, label: str, over: Callable[[plots.Axes], None] | None = None
+) -> plots.Draw:
     def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         image = draw_field(ax, field, colours)
+        if over:
+            over(ax)
         if label:
             place = ax.inset_axes((1.04, 0, 0.05, 1))
             ax.figure.colorbar(image, cax=place, label=label, extend=colours.beyond)
@@ -246,5 +274,6 @@ def _extremes(reading: Trajectory, states: Sequence[int]) -> tuple[float, float]
 FILM = Filmed(_screens, names=("$x_1$", "$x_2$"))
 VORTICITY = [panels.OwnPanels(vorticities)]
 TRACER = [panels.OwnPanels(tracers)]
+PARTICLES = [panels.OwnPanels(particles)]
 SPECTRUM = [panels.OwnPanels(spectra)]
 ENSTROPHY = [panels.OwnPanels(enstrophies)]

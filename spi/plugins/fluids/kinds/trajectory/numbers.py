@@ -9,8 +9,21 @@ from spi.storage.records import Variables
 
 def part_of(reading: Trajectory, part: int = 0) -> np.ndarray:
     """(times, N^2 - 1): the vorticity, part 0, or a tracer."""
-    y = reading.y.reshape(len(reading.y), 1 + reading.place.get("tracers", 0), -1)
-    return np.asarray(y[:, part])
+    fields = reading.y[:, : reading.y.shape[1] - 2 * reading.place.get("particles", 0)]
+    return np.asarray(fields.reshape(len(fields), 1 + reading.place.get("tracers", 0), -1)[:, part])
+
+
+def places_of(reading: Trajectory) -> np.ndarray:
+    """(times, 2, particles): x_1 and x_2 of each, unwrapped."""
+    count = reading.place.get("particles", 0)
+    return np.asarray(reading.y[:, reading.y.shape[1] - 2 * count :].reshape(-1, 2, count))
+
+
+def particles(reading: Trajectory) -> Variables:
+    """``x1`` and ``x2`` of each particle at all times, unwrapped."""
+    x = places_of(reading)
+    coordinates: Variables = {"particle": (("particle",), np.arange(1, x.shape[2] + 1))}
+    return coordinates | {f"x{a + 1}": (("t", "particle"), x[:, a]) for a in (0, 1)}
 
 
 def spectra(reading: Trajectory) -> Variables:

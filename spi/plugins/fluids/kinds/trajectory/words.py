@@ -22,3 +22,10 @@ def _tracer_fault(case: Any) -> str:
 
 
 TRACER = Further(f"{_FIGURE}:TRACER", _tracer_fault)
+
+
+def _particles_fault(case: Any) -> str:
+    return "" if geometry(case.model).get("particles") else "is for zeitlin with particles"
+
+
+PARTICLES = Further(f"{_FIGURE}:PARTICLES", _particles_fault, f"{_NUMBERS}:particles")
