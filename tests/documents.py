@@ -19,6 +19,7 @@ from typing import NamedTuple
 import typer
 import yaml
 
+from spi import plugins
 from spi.cli import app, options
 from spi.running import shipped
 from spi.running.run import load
@@ -165,7 +166,7 @@ def _given(name, *rest, spoken_of):
     with group.make_context("spi", [], resilient_parsing=True) as context:
         command = group.get_command(context, name)
         if command is None:
-            raise Wrong("no such command")
+            raise Wrong(plugins.lacking("commands", name) or "no such command")
         named = {option for parameter in command.get_params(context) for option in parameter.opts}
         if unknown := next(
             (word for word in rest if word.startswith("--") and word.partition("=")[0] not in named), None

@@ -49,6 +49,7 @@ def pages():
     return reference.pages()
 
 
+@pytest.mark.needs
 def test_reference_is_that_of_the_code(pages):
     assert sorted(pages) == sorted(reference.FOLDER.glob("*.md"))
     for path, text in pages.items():
