@@ -72,7 +72,7 @@ def fields_of(data: Mapping[str, Any], sigma: Any) -> dict[str, Any]:
     return {
         **_places(names, pairs),
         "bonds": tuple({"matrix": _rows(-matrix), "types": (k,)} for k, matrix in enumerate(pairs.values())),
-        "field": tuple(tuple(map(_course, row)) for row in -fields),
+        "field": tuple(tuple(map(_field, row)) for row in fields),
         "initial_time": _initial_time(reader, any(value.free_symbols for value in fields.ravel())),
         "anisotropy": _anisotropy(own),
         "boundary": "periodic",
@@ -174,12 +174,12 @@ def _text(value: Any) -> str:
     return re.sub(r"\bE\b", "exp(1)", re.sub(r"\b(Abs|Max|Min)\(", lambda word: word[0].lower(), text))
 
 
-def _course(value: Any) -> float | str:
-    """A component of a field: a number, or a function of t in a text."""
+def _field(value: Any) -> float | str:
+    """A component of a field of which H has minus the `value`: a number, or a function of t in a text."""
     if not value.free_symbols:
-        return float(value)
+        return -float(value)
     try:
-        return course(_text(value))
+        return course(_text(-value))
     except PydanticCustomError as error:
         raise DefinitionError(f"has a field that {error}; leave lattice out", "hamiltonian") from None
 

@@ -165,8 +165,8 @@ class Spins(NamedTuple):
         return f"has the spin {worst + 1} of length {lengths[worst]:.6g}", "spins must have length 1"
 
     def parameters(model):
-        """All fields, but a time only where something depends on it."""
-        return {key: value for key, value in model._asdict().items() if key != "initial_time" or is_driven(model)}
+        """All fields, but no initial time of 0."""
+        return {key: value for key, value in model._asdict().items() if key != "initial_time" or value}
 
     def geometry(model):
         cell = model.cell
