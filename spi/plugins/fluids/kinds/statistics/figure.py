@@ -14,7 +14,10 @@ _MOST_TIMES = 4  # of the spectra of one scheme
 
 
 def spectra(readings: Sequence[Any], looks: style.Looks) -> Iterator[plots.Plot]:
-    """Spectra of one scheme at some times, or of several schemes at the last time, with 95 % intervals of each mean."""
+    """Spectra of one scheme at some times, or of several schemes at the last time, with 95 % intervals of each mean.
+
+    Over time also the references.
+    """
     lines = []
     for one in readings:
         over_time = hasattr(one, "averages")
@@ -36,6 +39,8 @@ def spectra(readings: Sequence[Any], looks: style.Looks) -> Iterator[plots.Plot]
                 look = {**look, "color": matplotlib.colors.to_hex(shade), "marker": "o", "markersize": 3.0}
             label = ", ".join(filter(None, [style.label(one.about) if len(readings) > 1 else "", when]))
             lines.append(plots.series(shells, np.where(mean > 0, mean, np.nan), look, label, half))
+    if over_time and np.isfinite(known := one.averages.reference[chosen]).any():
+        lines.append(plots.series(shells, known, {"color": "black", "linestyle": "--", "linewidth": 1.0}, "reference"))
     title = style.label(readings[0].about) if len(readings) == 1 else ""
     yield plots.Plot(lines, title, "wave number $k$", r"$\mathrm{E}\,[E(k)]$", "log", True)
 
