@@ -23,6 +23,10 @@ try:
 except ImportError:  # not on Windows
     fcntl = None
 
+# Threads that wait sleep: where other programs use the processors, too, busy waiting takes up to ten times as long
+# for a small lattice.  Must be said before OpenMP is loaded.
+os.environ.setdefault("OMP_WAIT_POLICY", "passive")
+
 __version__ = "0.2.0"
 #: What `pip` installs; a package called `spi` on the index is another program.
 DISTRIBUTION = "stochastic-poisson-integrators"

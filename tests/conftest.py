@@ -13,9 +13,9 @@ import pytest
 
 import spi
 
-# Two processes share the tests: where each also starts threads for its linear algebra, and lets those of its kernels
-# spin while they wait, they stand in one another's way.  Must be said before NumPy is imported.
-os.environ |= {"OPENBLAS_NUM_THREADS": "1", "OMP_WAIT_POLICY": "passive"}
+# Two processes share the tests: where each also starts threads for its linear algebra they stand in one another's way.
+# Must be said before NumPy is imported.
+os.environ["OPENBLAS_NUM_THREADS"] = "1"
 
 # The programs that tests start find the packages as bytecode: where Python may not keep it, as in many containers, each
 # start compiles 850 modules, which takes three seconds of processor time in place of one.

@@ -97,6 +97,9 @@ LAYERS = (
     "reference: {b: stationary, a: exact}",
     "reference: {a: {file: known.csv}}",
     "exponents: 1",
+    "save: [1/2, 1]\nsection: {of: y2, store: [y1, y3]}\n---\nevery: 1\ntimes:",
+    "python: angle.py",
+    "python: angle.py\n---\nfunctions: {b: angle}\nreference:\ndensity:\nautocorrelation:",
     *(f"expect: {{splitting: {{{one}}}}}" for one in ("nonfinite: 1", "finite: 1", "deviation: 4", "dimension: 2")),
     "expect: {splitting_order2: {value: 1}}",
     "pullback: {points: 64}",
@@ -143,6 +146,9 @@ FILES = {
     "heun.py": (
         _HEUN,
         _HEUN.replace("return add_scaled(add_scaled(y, 0.5, first), 0.5, second)", "return add_scaled(y, 1.0, second)"),
+    ),
+    "angle.py": tuple(
+        f"import numpy as np\n\n\ndef angle(y):\n    return {n} * np.arctan2(y[1], y[0])\n" for n in (1, 2)
     ),
     "oscillator.py": (OSCILLATOR, OSCILLATOR.replace("0.5 * (y[0] * y[0]", "0.25 * (2.0 * y[0] * y[0]")),
     "top.yaml": (

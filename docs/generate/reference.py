@@ -137,7 +137,7 @@ then the profile, then `cases` of the profile, then `--set`. A case is a mapping
 
 
 def _claimable(quantities: Mapping[str, Any]) -> str:
-    rows = [(f"`{name}`", SENSES[sort.sense], "yes" if sort.per_step else "no") for name, sort in quantities.items()]
+    rows = [(f"`{name}`", SENSES[claim.sense], "yes" if claim.per_step else "no") for name, claim in quantities.items()]
     if not rows:
         return ""
     head = ("quantity", "a bare number means", "for each step size, with `up to`")

@@ -18,7 +18,7 @@ from ..specs.figures import FIGURE_KEYS
 from ..statistics import claims
 from ..statistics.claims import orders_of
 from ..storage import records
-from ..storage.stored import Description, Stored, by_case
+from ..storage.stored import AT_MOST, Description, Stored, by_case
 from .specs import as_overrides, check_type, in_python
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -36,8 +36,8 @@ def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[s
     looks = style.looks(by_case(readings))
     for reading, group in zip(readings, results.stored.groups, strict=True):
         arrays = dataset_of(group, reading)
-        wanted = quantity or ("error" if "error" in arrays else "y")
         able = [str(array) for array, values in arrays.items() if {"h", "t"} & set(values.dims)]
+        wanted = quantity or next(filter(able.__contains__, (*reading.headline, *able)), "array")
         if wanted not in able:
             raise ValueError(f"{group.name} has no {wanted} against h or t; give quantity= one of {', '.join(able)}")
         x = "h" if "h" in arrays[wanted].dims else "t"
@@ -51,7 +51,7 @@ def draw_into(ax: "Axes", results: "Results", quantity: str | None, look: dict[s
             ax.errorbar(arrays[x].to_numpy(), y, half, **{"label": text, **own, **look})
         if x == "h":
             ax.set_xscale("log", base=2)
-            if wanted == "error":
+            if _is_error(reading, wanted):
                 ax.set_yscale("log", nonpositive="clip")
         for axis, values in ((ax.xaxis, arrays[x]), (ax.yaxis, arrays[wanted])):
             if not axis.get_label_text():
@@ -63,7 +63,7 @@ def _lines(
     reading: Stored, arrays: xr.Dataset, quantity: str, x: str
 ) -> Iterator[tuple[str, np.ndarray, np.ndarray | None]]:
     """(label, y, distances (2, ...) to the ends of the interval) of each line, one for each place along other axes."""
-    values = abs(arrays[quantity]) if quantity == "error" else arrays[quantity]
+    values = abs(arrays[quantity]) if _is_error(reading, quantity) else arrays[quantity]
     ends = _ends(reading, arrays, quantity)
     others = [dim for dim in values.dims if dim != x]
     for place in np.ndindex(*(values.sizes[dim] for dim in others)):
@@ -73,12 +73,18 @@ def _lines(
         yield ", ".join(names), values.isel(at).to_numpy(), width
 
 
+def _is_error(reading: Stored, quantity: str) -> bool:
+    """Whether a quantity is one by which schemes are judged and of which only the size counts."""
+    claims = reading.by_name[quantity].meaning.claims if quantity in reading.by_name else ()
+    return quantity in reading.headline and any(claim.sense == AT_MOST for claim in claims)
+
+
 def _ends(reading: Stored, arrays: xr.Dataset, quantity: str) -> list[xr.DataArray] | None:
     """Distances from values to the lower and the upper ends of their intervals; None without."""
     numbers = reading.estimate(quantity)
     if numbers is None or numbers.exact:
         return None
-    numbers = numbers.absolute if quantity == "error" else numbers
+    numbers = numbers.absolute if _is_error(reading, quantity) else numbers
     dims, value = arrays[quantity].dims, numbers.value
     return [xr.DataArray(np.nan_to_num(away), dims=dims) for away in (value - numbers.low, numbers.high - value)]
 
@@ -259,7 +265,7 @@ class Results:
         """Claims of the spec about these parts, the results and the verdicts; empty where nothing is expected."""
         rows = [
             {
-                **{"case": judged.claim.case, "subject": judged.subject, "claim": judged.claim.text},
+                **{"case": judged.claim.case, "subject": judged.subject, "claim": judged.text},
                 **{name: getattr(judged.found, name, float("nan")) for name in ("value", "low", "high")},
                 "verdict": judged.verdict,
             }

@@ -196,11 +196,8 @@ def joint_flows(model, y):
     groups, listed = protocol.joint_noises(model), sum(protocol.joint_noises(model), ())
     if not groups:
         return
-    if (
-        len(groups) > protocol.pieces(model)
-        or len(set(listed)) < len(listed)
-        or not set(listed) <= set(range(protocol.noises(model)))
-    ):
+    once = sorted(listed) == sorted(set(listed) & set(range(protocol.noises(model))))
+    if len(groups) > protocol.pieces(model) or not once:
         yield f"joint_noises is {groups}, which must be a tuple of numbers of noises for each piece, no noise twice"
         return
     if not (answers(protocol.joint_flow, model) and answers(protocol.joint_angle, model)):
@@ -208,12 +205,11 @@ def joint_flows(model, y):
         return
     drift, noise = _flows_of(model, "drift"), _flows_of(model, "noise")
     for k, group in enumerate(groups):
-        if group:
+        if group:  # noises that have one
             flows = [drift[k], *(noise[j] for j in group)]
             fields = [protocol.drift_gradient(model, y), *(protocol.noise_gradient(model, j, y) for j in group)]
-            rates = [
-                flow.rate(y, protocol.structure(model, y, field)) for flow, field in zip(flows, fields, strict=True)
-            ]
+            moved = [protocol.structure(model, y, field) for field in fields]
+            rates = [flow.rate(y, along) for flow, along in zip(flows, moved, strict=True)]
             yield from _joint(model, k, y, flows, [_TIMES[i % 2] / rate for i, rate in enumerate(rates)])
 
 
@@ -262,6 +258,10 @@ def _exactness(model, flow, y, rate):
     if differ(flow.act(s, there), flow.act(s + t, y), EXACT, there, y):
         yield f"{flow} is not a flow: flows by t and then s differ from the flow by t + s"
         return
+    yield from _preserved(model, flow, y, t, there)
+
+
+def _preserved(model, flow, y, t, there):
     units = unit_vectors(len(y))
     before, after = (matrix_of([protocol.structure(model, z, e) for e in units]) for z in (y, there))
     columns = zip(*(derivatives_along(lambda z: flow.act(t, z), y, e) for e in units), strict=True)
@@ -421,6 +421,10 @@ def _structure(model, y):
     terms = np.einsum("il,ljk->ijk", B, derivatives)  # sum_l B_il d_l B_jk
     if differ(terms + terms.transpose(1, 2, 0), -terms.transpose(2, 0, 1), EXACT, terms):
         yield "structure violates Jacobi's identity"
+    yield from _casimirs(model, y, B, units)
+
+
+def _casimirs(model, y, B, units):
     for c in range(protocol.conserved(model)):
         slopes = (derivatives_along(lambda z, c=c: protocol.casimirs(model, z)[c], y, e) for e in units)
         if all(_moves(B, both) for both in zip(*slopes, strict=True)):
@@ -495,7 +499,7 @@ def _bracket_factors(model, y):
     numbers = dict(zip(pairs, protocol.bracket_factors(model), strict=True))
     for first, second in itertools.combinations(numbers, 2):
         a, b = (_bracket(model, j, k, y) for k, j in (first, second))
-        sizes = (np.linalg.norm(size) for k, j in (first, second) for size in _sizes(model, j, k, y))
+        sizes = [np.linalg.norm(size) for k, j in (first, second) for size in _sizes(model, j, k, y)]
         if differ(a * numbers[second], b * numbers[first], 1e-9, *(n * x for n in numbers.values() for x in sizes)):
             yield f"bracket_factors: the brackets of the pairs {first} and {second} are no such multiples"
 

@@ -10,7 +10,6 @@ import typer
 
 from ..specs.figures import read_figure
 from .options import (
-    FAILED,
     INVALID,
     RESULTS,
     ResultsFolder,
@@ -181,10 +180,8 @@ def _about(path: Path) -> Iterator[None]:
 
     try:
         yield
-    except StorageError as error:
+    except (StorageError, ValueError) as error:
         end(INVALID, f"{path}: {error}")
-    except ValueError as error:
-        end(FAILED, f"{path}: {error}")
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from itertools import cycle, zip_longest
+from itertools import chain, cycle, zip_longest
 from string import ascii_lowercase
 from typing import Any, NamedTuple
 
@@ -157,9 +157,10 @@ def _rows(cases: Sequence[list[list[plots.Plot]]]) -> Sequence[Sequence[plots.Pl
 
 def _aspects(rows: Sequence[Sequence[plots.Plot | None]]) -> list[float]:
     """Height over width of the panels of each row; all are lower where rows of fields would make it too high."""
-    whole = [max(plot.aspect for plot in row if plot) for row in rows]
-    curves = [all(plot is None or plot.series for plot in row) for row in rows]
-    fields = any(plot and plot.shared and not plot.series for row in rows for plot in row)
+    drawn = [[plot for plot in row if plot] for row in rows]
+    whole = [max(plot.aspect for plot in row) for row in drawn]
+    curves = [all(plot.series for plot in row) for row in drawn]
+    fields = any(plot.shared and not plot.series for plot in chain.from_iterable(drawn))
     layout = page.current().layout
     if not fields or sum(whole) <= layout.tall * max(map(len, rows)):
         return whole

@@ -112,22 +112,24 @@ class Plot(NamedTuple):
         chosen, plot = page.current().chosen, self
         if not self.series:
             return self
-        log = chosen.get("log", "")
-        if log == "none":
-            plot = plot._replace(log=False, xscale="linear", slopes=(), ylim=None if self.log else self.ylim)
-        elif log:
-            x = np.concatenate([line.x for line in self.series])
-            y = np.concatenate([line.y for line in self.series])
-            if "x" in log and self.xscale == "linear" and (x > 0).any():
-                plot = plot._replace(xscale="log", xlim=None)
-            if "y" in log and not self.log and (y[np.isfinite(y)] > 0).any():
-                plot = plot._replace(log=True, ylim=None, zero=False)
+        if log := chosen.get("log", ""):
+            plot = self._scaled(log)
         if "xlim" in chosen:
             low, high = chosen["xlim"]
-            seen = tuple(line.within(low, high) for line in plot.series)
-            bounds = None if plot.ylim is None else plot.ylim
-            plot = plot._replace(xlim=(low, high), series=seen, ylim=bounds)
+            plot = plot._replace(xlim=(low, high), series=tuple(line.within(low, high) for line in plot.series))
         return plot._replace(ylim=chosen["ylim"]) if "ylim" in chosen else plot
+
+    def _scaled(self, log: str) -> "Plot":
+        """Panel with logarithmic axes ``x``, ``y``, both or none, where they have positive numbers."""
+        if log == "none":
+            return self._replace(log=False, xscale="linear", slopes=(), ylim=None if self.log else self.ylim)
+        plot = self
+        x, y = (np.concatenate([getattr(line, axis) for line in self.series]) for axis in "xy")
+        if "x" in log and self.xscale == "linear" and (x > 0).any():
+            plot = plot._replace(xscale="log", xlim=None)
+        if "y" in log and not self.log and (y[np.isfinite(y)] > 0).any():
+            plot = plot._replace(log=True, ylim=None, zero=False)
+        return plot
 
     def draw(self, ax: Axes) -> tuple[list[LegendEntry], list[End]]:
         """Draw on an axes; returns the entries of its legend and the ends of its lines."""
@@ -211,15 +213,21 @@ def _good(line: Series) -> Array:
     return np.ones(len(line.y), bool) if line.poor is None else ~line.poor
 
 
+def _look_of(line: Series) -> dict[str, Any]:
+    """What a line looks like: its markers are open, and few on one of many points."""
+    look: dict[str, Any] = {"linewidth": 1.0, "zorder": 3} | line.look
+    if look.get("marker"):
+        if len(line.x) > _DENSE and look.get("linestyle") != "none":
+            look |= {"markevery": max(1, len(line.x) // _MARKS), "markersize": 4.0}
+        look |= {"markerfacecolor": "none", "markeredgewidth": 1.1}
+    return look
+
+
 def _draw(ax: Axes, line: Series, log: bool) -> list[LegendEntry]:
     """Draw a series within the limits of a panel; returns its entry of the legend."""
     bottom, top = ax.get_ylim()
-    look = {"linewidth": 1.0, "zorder": 3} | line.look
+    look = _look_of(line)
     colour, marker = str(look["color"]), look.get("marker") or ""
-    if len(line.x) > _DENSE and marker and look.get("linestyle") != "none":
-        look |= {"markevery": max(1, len(line.x) // _MARKS), "markersize": 4.0}
-    if marker:
-        look |= {"markerfacecolor": "none", "markeredgewidth": 1.1}
     good, inside, entries = _good(line), (line.y >= bottom) & (line.y <= top), []
     ax.plot(line.x, np.where(good, _drawable(line.y, bottom, top, log), np.nan), label=line.label or None, **look)
     if not log and (last := _lost(line, inside)) is not None:

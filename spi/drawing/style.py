@@ -56,6 +56,18 @@ _MOST_ENTRIES = 9  # of a tuple that is shown whole
 _MOST_COMPONENTS = 64  # of a state that is shown
 
 
+def _looks_of(variants: Sequence[str], number: int, in_one: Look | None) -> Looks:
+    """Looks of the variants of one scheme: markers in one colour, beginning with the look of the scheme, or a ramp."""
+    markers = SEQUENCES[number]
+    if in_one:
+        marker, colour = in_one
+        return {variant: (markers[i % len(markers)] if i else marker, colour) for i, variant in enumerate(variants)}
+    ramp, last = matplotlib.colormaps[RAMPS[number]], len(variants) - 1
+    return {
+        variant: (markers[i % len(markers)], to_hex(ramp(0.86 * (1 - i / last)))) for i, variant in enumerate(variants)
+    }
+
+
 def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
     """Marker and colour of every variant in the readings of all cases, the same in all panels.
 
@@ -68,22 +80,14 @@ def looks(cases: Iterable[Iterable[Stored]]) -> Looks:
     unknown = [name for name in members if name not in SCHEMES]
     chosen: Looks = {name: row.look for name, row in SCHEMES.items()}
     chosen |= {name: OTHERS[i % len(OTHERS)] for i, name in enumerate(unknown)}
-    ramps, many = 0, sum(len(variants) > 1 for variants in members.values()) > len(RAMPS)
+    several = [scheme for scheme, variants in members.items() if len(variants) > 1]
+    many = len(several) > len(RAMPS)  # schemes for the sequences of colours
     for scheme, variants in members.items():
-        if len(variants) == 1:
+        if scheme in several:
+            ordered, number = sorted(variants, key=variants.__getitem__), several.index(scheme) % len(RAMPS)
+            chosen |= _looks_of(ordered, number, chosen[scheme] if many else None)
+        else:
             chosen |= dict.fromkeys(variants, chosen[scheme])
-            continue
-        if many:  # more than there are sequences of colours: markers in the colours that the schemes have
-            marker, colour = chosen[scheme]
-            for i, variant in enumerate(sorted(variants, key=lambda variant: variants[variant])):
-                chosen[variant] = (SEQUENCES[ramps % len(RAMPS)][i % len(SEQUENCES[0])] if i else marker), colour
-            ramps += 1
-            continue
-        ramp = matplotlib.colormaps[RAMPS[ramps % len(RAMPS)]]
-        markers = SEQUENCES[ramps % len(RAMPS)]
-        ramps += 1
-        for i, variant in enumerate(sorted(variants, key=lambda variant: variants[variant])):
-            chosen[variant] = markers[i % len(markers)], to_hex(ramp(0.86 * (1 - i / (len(variants) - 1))))
     return _in_colours(chosen, [variant for variants in members.values() for variant in variants])
 
 

@@ -11,14 +11,14 @@ from matplotlib import colors
 
 from ..expressions import as_numpy, parse_expression
 from ..expressions.arithmetic import NumberError
-from ..statistics.claims import AT_MOST, Sort
-from ..statistics.curves import Curve, crossings
+from ..statistics.crossings import crossings
+from ..statistics.curves import Curve
+from ..storage.stored import AT_MOST
 from . import layout, page, plots, style
 
 DASHES: tuple[Any, ...] = ("-", (0, (5, 1.5)), (0, (1.5, 1)), "-.")  #: of estimators
 
-_EXPECTATIONS = {"mean": r"\mathrm{E}\,", "variance": r"\mathrm{Var}\,", "expectation": r"\mathrm{E}\,"}
-_MEANS = "mean", "average"  # quantities of which references are formulas
+_OF_SPEC = "reference"  # where what is expected stands in a spec, perhaps as a formula
 _FINE = 400  # points of a formula's curve
 _SIGNED, _ONE_SIGN = "RdBu_r", "viridis"  # colours
 _LINEAR = 0.03  # share of the largest value of a sign below which colours are linear
@@ -33,13 +33,12 @@ Case = tuple[str, Sequence[Curve], list[str]]  #: title, curves and facts of one
 def draw(
     title: str,
     cases: Sequence[Case],
-    sorts: Mapping[str, Sort],
     texts: Mapping[str, str] = {},
     references: Mapping[str, str] = {},
 ) -> layout.PanelFigure:
     """Figure of cases that are swept: each quantity over the values.
 
-    `sorts` has the sort of each quantity, `texts` the formulas of test functions, `references` those of their means.
+    `texts` has the formulas of test functions, `references` those of their means.
     """
     if len(cases) > 1 and page.current().overlays_cases():
         cases = [_overlaid(cases)]
@@ -55,7 +54,7 @@ def draw(
         for curve in curves:
             by_name.setdefault(curve.name, {}).setdefault(curve.function, []).append(curve)
         return [
-            [_over(some, looks, estimators, sorts, texts, references, shared) for some in functions.values()]
+            [_over(some, looks, estimators, texts, references, shared) for some in functions.values()]
             for functions in by_name.values()
         ]
 
@@ -74,25 +73,21 @@ def _overlaid(cases: Sequence[Case]) -> Case:
 
 def each_value(curve: Curve) -> list[Curve]:
     """Curves over the first of two swept parameters, one for each value of the second."""
-    values = sorted({point.about.swept.second_value for point in curve.points if point.about.swept})
-    return [_at_second(curve, value) for value in values]
+    return [_at_second(curve, value, line) for value, line in curve.lines()]
 
 
-def _at_second(curve: Curve, value: float) -> Curve:
-    points = tuple(point for point in curve.points if point.about.swept and point.about.swept.second_value == value)
-    about, text = points[0].about, style.value_of(curve.second_word, value)
+def _at_second(curve: Curve, value: float, line: Curve) -> Curve:
+    about, text = line.about, style.value_of(curve.second_word, value)
     label = f"{about.scheme_label}, {text}" if curve.about.scheme_label else text
-    swept = about.swept and replace(about.swept, second_word="", second_value=math.nan)
-    own = replace(about, variant=f"{about.variant}/{value:g}", scheme_label=label, swept=swept)
-    return curve._replace(points=points, about=own)
+    return line._replace(about=replace(about, variant=f"{about.variant}/{value:g}", scheme_label=label))
 
 
-def draw_maps(title: str, cases: Sequence[Case], sorts: Mapping[str, Sort]) -> layout.PanelFigure:
+def draw_maps(title: str, cases: Sequence[Case]) -> layout.PanelFigure:
     """Figure of cases in which two parameters are swept: each quantity as a map over both, for each scheme."""
     several = len({curve.about.variant for _, curves, _ in cases for curve in curves}) > 1
 
     def panels(curves: Sequence[Curve]) -> list[list[plots.Plot]]:
-        return [[_map(curve, sorts, several)] for curve in curves]
+        return [[_map(curve, several)] for curve in curves]
 
     return _arranged(title, cases, panels)
 
@@ -117,7 +112,6 @@ def _over(
     curves: Sequence[Curve],
     looks: style.Looks,
     estimators: Sequence[str],
-    sorts: Mapping[str, Sort],
     texts: Mapping[str, str],
     references: Mapping[str, str],
     shared: float | None,
@@ -125,7 +119,7 @@ def _over(
     """One quantity over the parameter, with 95 % intervals; values by theory as marks, formulas as dashed curves."""
     first = curves[0]
     at = plots.places(np.concatenate([curve.values for curve in curves]))
-    is_log = _is_error(first, sorts) and any((curve.of("value") > 0).any() for curve in curves)
+    is_log = _is_error(first) and any((curve.of("value") > 0).any() for curve in curves)
     lines = []
     theory: dict[bytes, list[plots.Series]] = {}  # one line for all curves that share its values
     for curve in curves:
@@ -140,15 +134,15 @@ def _over(
         if finite.any():
             fine = _theory(curve, references.get(curve.function, ""), at)
             look = {"color": colour if len(curves) > 1 else plots.GREY} | (_MARKS if fine is None else _DASHED)
-            name = r"theory, as $h\to0$" if curve.name == "order" else "theory"
+            name = r"theory, as $h\to0$" if curve.claim.is_order else "theory"
             there = (x[finite], expected[finite]) if fine is None else fine
             theory.setdefault(expected.tobytes(), []).append(plots.series(there[0], there[1], look, name))
     lines += [
         first._replace(look=first.look | {"color": plots.GREY} if others else first.look)
         for first, *others in theory.values()
     ]
-    label, named = _label(curves, sorts, shared), first.name in sorts and sorts[first.name].named
-    title = "" if named else _title(first, texts, label)
+    label = _label(curves, shared)
+    title = "" if first.claim.is_named else _title(first, texts, label)
     crossing = page.current().chosen.get("crossing") in (first.function or first.name, first.name)
     marked = _crossing(curves, at) if crossing else []
     return plots.Plot(lines, title, _parameter(first), label, at.scale, is_log, own=_dressed(at, marked))
@@ -176,15 +170,17 @@ def _dressed(at: plots.Places, marked: Sequence[tuple[float, float, str]]) -> pl
 
 
 def _crossing(curves: Sequence[Curve], at: plots.Places) -> list[tuple[float, float, str]]:
-    """Where two lines cross, with half the 95 % interval and both as text; ValueError where there are not two lines."""
-    if len(curves) != 2 or not np.array_equal(at.values, at.at):
+    """Where each line crosses the next, with half the 95 % interval and both as text; ValueError where there is one."""
+    if len(curves) < 2 or not np.array_equal(at.values, at.at):
         raise ValueError(f"crossing: needs two lines over a number, and there are {len(curves)}; give overlay: cases")
     word = style.symbol(curves[0].word) or curves[0].word
     marked = []
-    for value, half in crossings(*curves):
-        digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 6  # two of the half width, rounded up
-        rounded = math.ceil(half * 10**digits - 1e-9) / 10**digits
-        marked.append((value, half, rf"crossing at ${word}={value:.{digits}f}\pm{rounded:.{digits}f}$"))
+    for crossing in crossings((style.label(curve.about), curve) for curve in curves):
+        names = f"crossing of {crossing.first[0]} and {crossing.second[0]}" if len(curves) > 2 else "crossing"
+        for value, half, *_ in crossing.places:
+            digits = max(0, 1 - math.floor(math.log10(half))) if half > 0 else 6  # two of the half width, rounded up
+            rounded = math.ceil(half * 10**digits - 1e-9) / 10**digits
+            marked.append((value, half, rf"{names} at ${word}={value:.{digits}f}\pm{rounded:.{digits}f}$"))
     return marked
 
 
@@ -212,7 +208,7 @@ def _theory(curve: Curve, formula: str, at: plots.Places) -> tuple[plots.Array, 
         return None
     if np.allclose(expected, expected[0], rtol=1e-9, atol=0.0):
         return np.array([low, high]), expected[:2]
-    if at.at is not at.values or curve.name not in _MEANS:  # values stand in order, or it is no mean
+    if at.at is not at.values or curve.claim.expected != _OF_SPEC:  # values stand in order, or it is no mean
         return None
     fine = np.linspace(low, high, _FINE) if at.scale == "linear" else np.geomspace(low, high, _FINE)
     columns = _columns(curve, np.append(x, fine))
@@ -242,20 +238,20 @@ def _columns(curve: Curve, x: plots.Array) -> dict[str, plots.Array]:
     return columns
 
 
-def _is_error(curve: Curve, sorts: Mapping[str, Sort]) -> bool:
-    return curve.name in sorts and sorts[curve.name].sense == AT_MOST
+def _is_error(curve: Curve) -> bool:
+    return curve.claim.sense == AT_MOST
 
 
-def _label(curves: Sequence[Curve], sorts: Mapping[str, Sort], shared: float | None) -> str:
+def _label(curves: Sequence[Curve], shared: float | None) -> str:
     """Label of a panel: its quantity, and at which step size unless all panels `shared` that."""
     first, steps = curves[0], {curve.h for curve in curves}
     name, labels = style.plain(first.label), page.current().chosen.get("labels", {})
     function = style.named(first.function, first.about.variables).strip("$")
     if first.name in labels:
         name = style.plain(labels[first.name])
-    elif first.function and first.name in _EXPECTATIONS:
-        name = f"${_EXPECTATIONS[first.name]}[{function}]$"
-    elif first.function in labels or (first.name in sorts and sorts[first.name].named):
+    elif first.function and first.claim.symbol:
+        name = f"${first.claim.symbol}[{function}]$"
+    elif first.function in labels or first.claim.is_named:
         name = f"${function}$"
     if steps in ({None}, {shared}):
         return name
@@ -268,17 +264,17 @@ def _label(curves: Sequence[Curve], sorts: Mapping[str, Sort], shared: float | N
 # ---------------------------------------------------------------------------------------------------------------------
 
 
-def _map(curve: Curve, sorts: Mapping[str, Sort], several: bool) -> plots.Plot:
+def _map(curve: Curve, several: bool) -> plots.Plot:
     """A cell for each pair of values; where both signs occur also the line of zero, and marks where none is certain."""
     values = curve.grid().of("value")
     sign = "minus " if (values <= 0).all() else ""
     title = [style.plain(f"{sign}{curve.label}" + (f" of {curve.function}" if curve.function else ""))]
     title += [style.label(curve.about)] * several
     if (agreement := curve.chi_squared) is not None:
-        whose = r"the orders of theory as $h\to0$" if curve.name == "order" else "theory"
+        whose = r"the orders of theory as $h\to0$" if curve.claim.is_order else "theory"
         title.append(f"$\\chi^2={agreement[0]:.0f}$ for {agreement[1]} cells against {whose}")
     words = [style.word(word) for word in curve.grid().words]
-    own = partial(_cells, curve, _is_error(curve, sorts))
+    own = partial(_cells, curve, _is_error(curve))
     return plots.Plot(title="\n".join(title), x=words[0], y=words[1], own=own, aspect=page.current().layout.map_shape)
 
 

@@ -340,12 +340,15 @@ def integrated(*run):
     return arguments[2], arguments[6]
 
 
-def one_step(scheme, model, h, states, first=0):
-    """Each of some states (n, d) after one step of size h, with the noise of paths of seed 0 from block `first` on."""
+def one_step(scheme, model, h, states, first=0, start=0.0):
+    """Each of some states (n, d) after one step of size h, with the noise of paths of seed 0 from block `first` on.
+
+    The step begins at the time `start`, for a model that depends on time.
+    """
     blocks = -(-len(states) // LANES)
     padded = np.resize(states, (blocks * LANES, states.shape[1]))
     y = padded.reshape(blocks, LANES, -1).transpose(0, 2, 1).reshape(blocks, -1)
-    times = grid(h, 1)
+    times = grid(h, 1)._replace(start=float(start))
     begun = np.zeros((blocks, 1, y.shape[1] + memory_size(scheme, model)))
     begun[:, 0, : y.shape[1]] = y
     ends, _ = integrated(scheme, model, begun, times, brownian(0), first, blocks, first * LANES + len(padded))

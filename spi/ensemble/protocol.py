@@ -707,6 +707,12 @@ def frozen(model, begin, h):
     return model
 
 
+@method(default=True, compiled=False)
+def initial_time(model):
+    """Time t of formulas at the beginning of an experiment, whose own times begin at 0: a field with that name."""
+    return float(getattr(model, "initial_time", getattr(model, "time", 0.0)))  # that of a system in YAML is `time`
+
+
 @trait(tuple, default=())
 def flow_places(model):
     """((place of each piece), (place of each noise)) where these are not their numbers.

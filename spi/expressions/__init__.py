@@ -203,7 +203,7 @@ class _Trees(Words, Numbers):
 
     longest = math.inf  # the number of records is bounded instead
     compares = True
-    hidden = ("i",)
+    hidden = ("i", "t")
 
     def __init__(self, dimension, names=(), words=None):
         self.dimension, within = dimension, min(dimension, MOST)
@@ -532,7 +532,8 @@ def range_of(expression: Any) -> Range:
         return _range_of_power(range_of(expression.a), expression.exponent)
     if isinstance(expression, Quotient) and _is_sign(expression.a, expression.b):
         return _WITHIN_ONE
-    low, high = _of_operation(expression, *(range_of(operand) for operand in expression))
+    ranges = [range_of(operand) for operand in expression]
+    low, high = _of_function(expression, *ranges) if len(ranges) == 1 else _of_operation(expression, *ranges)
     return (low, high) if low <= high else _ALL  # false for NaN
 
 
@@ -566,38 +567,45 @@ def _alike(a: Any, b: Any) -> list[tuple[Any, Any]]:
 _INCREASING = {HyperbolicSine: math.sinh, ArcTangent: math.atan, Exponential: math.exp, HyperbolicTangent: math.tanh}
 
 
-def _of_operation(expression: Any, a: Range, b: Range = _ALL) -> Range:
+def _of_function(expression: Any, a: Range) -> Range:
+    """Range of a function of one operand."""
     if increasing := _INCREASING.get(type(expression)):
         return _increasing(increasing, a)
     match expression:
-        case Sum():
-            return a[0] + b[0], a[1] + b[1]
-        case Difference():
-            return a[0] - b[1], a[1] - b[0]
         case Negative():
             return -a[1], -a[0]
-        case Product():
-            return _product(a, b)
-        case Quotient() if b[0] > 0.0 or b[1] < 0.0:
-            return _product(a, (1.0 / b[1], 1.0 / b[0]))
         case Absolute():
             return _absolute(a)
-        case Maximum():
-            return max(a[0], b[0]), max(a[1], b[1])
-        case Minimum():
-            return min(a[0], b[0]), min(a[1], b[1])
-        case Less() | Greater() | AtMost() | AtLeast():
-            return 0.0, 1.0
         case HyperbolicCosine():
             return _increasing(math.cosh, _absolute(a))
         case Logarithm():
             return _increasing(math.log, a) if a[0] > 0.0 else (-math.inf, _increasing(math.log, a)[1])
         case SquareRoot():
             return _increasing(math.sqrt, (max(a[0], 0.0), a[1]))
-        case Power() if b[0] == b[1] and b[0] > 0.0:  # NaN below 0, so that what is left of a is at least 0
-            return _increasing(lambda x: x ** b[0], (max(a[0], 0.0), a[1]))
         case Sine() | Cosine():
             return _WITHIN_ONE
+    return _ALL
+
+
+def _of_operation(expression: Any, a: Range, b: Range) -> Range:
+    """Range of an operation on two operands."""
+    match expression:
+        case Sum():
+            return a[0] + b[0], a[1] + b[1]
+        case Difference():
+            return a[0] - b[1], a[1] - b[0]
+        case Product():
+            return _product(a, b)
+        case Quotient() if b[0] > 0.0 or b[1] < 0.0:
+            return _product(a, (1.0 / b[1], 1.0 / b[0]))
+        case Maximum():
+            return max(a[0], b[0]), max(a[1], b[1])
+        case Minimum():
+            return min(a[0], b[0]), min(a[1], b[1])
+        case Less() | Greater() | AtMost() | AtLeast():
+            return 0.0, 1.0
+        case Power() if b[0] == b[1] and b[0] > 0.0:  # NaN below 0, so that what is left of a is at least 0
+            return _increasing(lambda x: x ** b[0], (max(a[0], 0.0), a[1]))
     return _ALL
 
 

@@ -3,16 +3,17 @@
 import functools
 import math
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
+from types import MappingProxyType
 from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.protocol import conserved, dimension
+from spi.ensemble.protocol import conserved, dimension, initial_time
 from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, operations, parse_expression
 from spi.expressions.arithmetic import NumberError
-from spi.numerics.types import Array
+from spi.numerics.types import Array, FunctionFamily
 from spi.specs.keys import listed, shown, wrong
 from spi.specs.names import Code, check_values, named_in
 
@@ -38,6 +39,15 @@ class PathFunction(NamedTuple):
     #: of a passage the function of states that is above 0 where the condition is met; of `first` those of both
     conditions: tuple[Callable[[Array], Array], ...] = ()
     work: tuple[int, int] = (0, 0)  #: operations, and observables such as H, to evaluate it at a state
+    start: float | None = None  #: where it names t, the value of t at the beginning; states then have a row of times
+    is_of_time: bool = False  #: whether it names nothing else
+
+    def at(self, states: Array, t: Any) -> Array:
+        """Values (...) of states (d, ...) at the times t of the experiment, which are broadcast."""
+        if self.start is None:
+            return self.values(states)
+        times = np.broadcast_to(self.start + np.asarray(t, float), states.shape[1:])
+        return self.values(np.concatenate((states, times[np.newaxis])))
 
     @property
     def label(self) -> str:
@@ -75,18 +85,26 @@ class PathFunction(NamedTuple):
 
 
 def origin_of(function: PathFunction, initial: tuple[float, ...]) -> float:
-    """Its value at t = 0, but 0 where that is no number or where the range is [0, 1]."""
+    """Its value at the beginning, but 0 where that is no number or where the range is [0, 1]."""
     if function.conditions or function.functional == "integral":
         return 0.0
     with np.errstate(all="ignore"):
-        value = float(np.asarray(function.values(np.array(initial)[:, np.newaxis])).ravel()[0])
+        value = float(np.asarray(function.at(np.array(initial)[:, np.newaxis], 0.0)).ravel()[0])
     return value if math.isfinite(value) else 0.0
 
 
-def check_function(case: Any, name: str, entry: Any, more: str = "", key: str = "functions") -> None:
-    """Raise the error about the entry `name` of a key that is no function; `more` names what else is valid."""
+def check_function(
+    case: Any, name: str, entry: Any, more: str = "", key: str = "functions", timeless: str = ""
+) -> None:
+    """Raise the error about the entry `name` of a key that is no function; `more` names what else is valid.
+
+    `timeless` says why it may not name t, where that is so.
+    """
     try:
-        check_values(case, function_of(case, entry).values)
+        function = function_of(case, entry)
+        if timeless and function.start is not None:
+            raise NumberError(f"it names t, and {timeless}")
+        check_values(case, partial(function.at, t=0.0))
     except NumberError as error:
         variables = listed(case.variables) or f"y1 .. y{dimension(case.model)}"
         right = f"must be an expression in {variables}{', H or C1' if conserved(case.model) else ' or H'}{more}"
@@ -109,15 +127,40 @@ def path_function(model: Any, names: tuple[str, ...], entry: Any, code: Code | N
 def _path_function(
     model: Any, names: tuple[str, ...], functional: str, texts: tuple[str, ...], code: Code | None = None
 ) -> PathFunction:
-    text = " before ".join(texts)
-    known = dimension(model), names, named_in(text, model, names, code)
+    text, d = " before ".join(texts), dimension(model)
+    words = named_in(text, model, names, code)
+    timed = _TIME.search(text) is not None and "t" not in words
+    known = d, names, _with_time(words, d) if timed else words
     if functional in ("passage", "first"):
+        if timed:
+            raise NumberError("it names t, and conditions are watched between the times of looks")
         trees = [parse_expression(_difference(one), *known) for one in texts]
         each, work = tuple(map(_values, trees)), np.sum([operations(tree) for tree in trees], axis=0).tolist()
         return PathFunction(functional, text, each[0], each, tuple(work))
     tree = parse_expression(text, *known)
-    shown_as = text if has_sum(tree) else in_names(canonical(tree), names)
-    return PathFunction(functional, shown_as, _values(tree), (), operations(tree))
+    shown_as = text if has_sum(tree) else in_names(canonical(tree), names, {d + 1: "t"} if timed else {})
+    if not timed:
+        return PathFunction(functional, shown_as, _values(tree), (), operations(tree))
+    alone = not operations(tree)[1] and not has_sum(tree) and {d + 1} == set(map(int, _OWN.findall(canonical(tree))))
+    return PathFunction(functional, shown_as, _values(tree), (), operations(tree), initial_time(model), alone)
+
+
+_TIME, _OWN = re.compile(r"(?<![\w.])t\b(?!\s*\()"), re.compile(r"\by\(?(\d+)")
+
+
+def _with_time(words: dict[str, Any], d: int) -> dict[str, Any]:
+    """Words of formulas, and t, which stands behind the d components of states; functions get these alone."""
+
+    def of_state(word: Any) -> Any:
+        if isinstance(word, FunctionFamily):
+            return FunctionFamily(lambda *numbers: partial(_of_state, word.member(*numbers)))
+        return Observable(word.name, partial(_of_state, word.values)) if isinstance(word, Observable) else word
+
+    return {**{name: of_state(word) for name, word in words.items()}, "t": Component(d)}
+
+
+def _of_state(function: Callable[[Array], Array], states: Array) -> Array:
+    return function(states[:-1])
 
 
 def _difference(condition: str) -> str:
@@ -136,9 +179,9 @@ def _values(tree: Any) -> Callable[[Array], Array]:
     return tree.values if isinstance(tree, Observable) else as_numpy(tree)
 
 
-def in_names(text: str, names: Sequence[str]) -> str:
-    """A canonical text with the names of the components."""
-    by_number = dict(enumerate(names, 1))
+def in_names(text: str, names: Sequence[str], others: Mapping[int, str] = MappingProxyType({})) -> str:
+    """A canonical text with the names of the components, and of others by their numbers."""
+    by_number = {**dict(enumerate(names, 1)), **others}
     return re.sub(r"\by(\d+)\b|\by\((\d+)\)", lambda y: by_number.get(int(y[1] or y[2]), y[0]), text)
 
 
@@ -147,12 +190,12 @@ def _component(k: int, states: Array) -> Array:
     return np.asarray(states)[k]
 
 
-def evaluated(functions: Sequence[PathFunction], states: Array) -> Array:
-    """(F, ...): the functions of states (d, ...), not finite where they are not defined."""
+def evaluated(functions: Sequence[PathFunction], states: Array, t: Any = 0.0) -> Array:
+    """(F, ...): the functions of states (d, ...) at the times t, not finite where they are not defined."""
     values = np.empty((len(functions), *states.shape[1:]))
     with np.errstate(all="ignore"):
         for f, function in enumerate(functions):
-            values[f] = function.values(states)
+            values[f] = function.at(states, t)
     return values
 
 

@@ -25,6 +25,7 @@ from spi.ensemble.protocol import casimirs, in_kernels, large, strengths
 from spi.ensemble.random_states import RandomState, first_states
 from spi.exact.work import Work, reporting_to
 from spi.expressions import as_numpy
+from spi.models.delegation import depends_on_time
 from spi.numerics.rng import LANES
 from spi.schemes import Scheme
 from spi.specs.noise import parts_of, stream_of
@@ -330,7 +331,9 @@ class Plan:
 
     @property
     def is_noisy(self) -> bool:
-        """Whether there is noise of some strength."""
+        """Whether there is noise of some strength at any time."""
+        if depends_on_time(self.model) and not large(self.model):
+            return any(sigma is not None for sigma in self.model.sigma)  # a strength such as sin t begins with 0
         return bool(np.any(strengths(self.model)))
 
     def initial_states(self, first: int, blocks: int) -> np.ndarray:

@@ -28,6 +28,7 @@ class DataTable:
     #: Records, the values along their axes, columns and facts.
     parts: list[tuple[Stored, Mapping[str, Any], Variables, dict[str, Any]]] = field(default_factory=list)
     further: Callable[[dict[str, Any]], dict[str, Any]] = lambda row: {}  #: columns that follow from a row
+    own: Sequence[dict[str, Any]] = ()  #: rows that are of several records together
 
     @property
     def numbers(self) -> list[str]:
@@ -38,21 +39,25 @@ class DataTable:
     def rows(self) -> list[dict[str, Any]]:
         """One for each case, scheme and place along the axes; what a record lacks is left out."""
         made = (row for part in self.parts for row in _rows(self.axes, *part))
-        return [row | self.further(row) for row in made]
+        return [*(row | self.further(row) for row in made), *self.own]
 
     @property
     def columns(self) -> list[str]:
         """Names of all columns."""
         return list(dict.fromkeys(name for row in self.rows for name in row))
 
+    def _inside(self, measured: Sequence[str]) -> set[str]:
+        """Columns that the others say: ends of intervals, standard errors, and the case where there is one only."""
+        ends = {f"{name}_{end}" for name in measured for end in ("low", "high")}
+        errors = {f"{name[:-4]}_{end}" for name in ends for end in ("stderr", "half", "bound")}
+        return ends | errors | ({"case"} if len({row.get("case") for row in self.rows}) < 2 else set())
+
     def as_text(self, title: str = "") -> TextTable:
         """As it is printed: numbers with their 95 % intervals, without standard errors and what is in no row."""
-        columns = self.columns
-        inside = {f"{name}_{end}" for name in columns for end in ("low", "high") if _has_interval(name, columns)}
-        inside |= {f"{name[:-4]}_{end}" for name in inside for end in ("stderr", "half", "bound")}
-        cases = {row["case"] for row in self.rows}
-        shown = [name for name in columns if name not in inside and (name != "case" or len(cases) > 1)]
-        headings = [f"{name} (95 %)" if _has_interval(name, columns) else name for name in shown]
+        measured = [name for name in self.columns if _has_interval(name, self.columns)]
+        inside = self._inside(measured)
+        shown = [name for name in self.columns if name not in inside]
+        headings = [f"{name} (95 %)" if name in measured else name for name in shown]
         rows = [[StyledText(self._text(row, name)) for name in shown] for row in self.rows]
         keys = sum(name in ("case", "scheme", *self.axes) for name in shown)
         return TextTable(title or self.name, headings, [rows], sum(name in ("case", "scheme") for name in shown), keys)

@@ -3,10 +3,12 @@
 import math
 from collections.abc import Iterator, Sequence
 from itertools import compress
+from typing import Any
 
 import numpy as np
 
 from ..statistics.claims import Quantity
+from ..statistics.crossings import Crossing
 from ..statistics.curves import Curve
 from .tables import StyledText, TextTable
 from .text import fraction, interval_text, power_of_two, short, with_interval
@@ -15,13 +17,13 @@ from .text import fraction, interval_text, power_of_two, short, with_interval
 def tables(title: str, curves: Sequence[Curve]) -> Iterator[TextTable | StyledText]:
     """Tables of a case that is swept: for each scheme, estimator and test function a line per value.
 
-    Quantities of other test functions, as quantiles are, have a table of their own.
+    Quantities of other test functions have a table of their own.
     """
     if curves and curves[0].second_word:
         for curve in curves:
             yield _map(title, curve)
             if (fit := curve.chi_squared) is not None:
-                whose = "the orders of theory as h -> 0" if curve.name == "order" else "expected values"
+                whose = "the orders of theory as h -> 0" if curve.claim.is_order else "expected values"
                 yield StyledText(f"chi squared {fit[0]:.1f} of {fit[1]} differences from {whose}")
         return
     by_functions: dict[tuple[str, ...], list[Curve]] = {}
@@ -70,9 +72,6 @@ def _map(title: str, curve: Curve) -> TextTable:
     return TextTable(": ".join(filter(None, (title, name))), headings, [rows], 0)
 
 
-_UNEVEN = ("order", "growth", "quantile")  # the ends of whose intervals lie at different distances
-
-
 def _owner(curve: Curve) -> tuple[str, str, str]:
     return curve.about.variant, curve.about.estimator, curve.function
 
@@ -86,18 +85,18 @@ def _at(curves: Sequence[Curve], name: str) -> str:
 
 
 def quantity_text(point: Quantity) -> str:
-    """A quantity with its interval, of orders and quantiles by its ends."""
+    """A quantity with its interval."""
     if math.isnan(point.value):
         return point.lost or "not resolved"
     ends = None if point.low == point.high else (point.low, point.high)
-    form = ".3g" if ends is None else ".4g" if point.name == "quantile" else ".3f"
-    return interval_text(point.value, ends, form, point.name in _UNEVEN)
+    form = ".3g" if ends is None else point.claim.ends or ".3f"
+    return interval_text(point.value, ends, form, bool(point.claim.ends))
 
 
 def headline(curves: Sequence[Curve]) -> str:
     """``Order: 0.504 [0.489, 0.520] with splitting; ... Error at h = 2^-9: ...``, of the first test function."""
     parts = []
-    resolved = [curve for curve in curves if curve.is_known or curve.name != "growth"]
+    resolved = [curve for curve in curves if curve.is_known or not curve.claim.is_fit]
     for name in dict.fromkeys(curve.name for curve in resolved):
         first, *_ = of_name = [curve for curve in resolved if curve.name == name]
         of = f" of {first.function}" if first.function else ""
@@ -117,7 +116,39 @@ def _ends(curve: Curve) -> str:
     zeros = "".join(
         f", zero at {curve.word} = {with_interval(*zero)} on a line between values" for zero in curve.zeros()
     )
-    stated = curve.name == "order" and math.isfinite(ends[0].expected)
+    stated = curve.claim.is_order and math.isfinite(ends[0].expected)
     theory = f" (theory {fraction(ends[0].expected)})" if stated else ""
     whose = ", ".join(filter(None, (curve.about.label, curve.about.estimator)))
     return f"{' to '.join(values)}{theory}{zeros} with {whose}"
+
+
+def crossing_rows(crossings: Sequence[Crossing]) -> list[dict[str, Any]]:
+    """A row for each crossing: the parameter and the quantity there, with their 95 % intervals."""
+    rows = []
+    for one in crossings:
+        (first, curve), (second, _) = one.first, one.second
+        about = {"scheme": curve.about.scheme, "estimator": curve.about.estimator or None}
+        head = {"quantity": curve.function or curve.name, "first": first, "second": second, **about}
+        for place in one.places:
+            numbers = {curve.word: (place.at, place.at_half), "value": (place.value, place.value_half)}
+            row: dict[str, Any] = {name: it for name, it in head.items() if it is not None}
+            for name, (value, half) in numbers.items():
+                row |= {name: value, f"{name}_low": value - half, f"{name}_high": value + half}
+            rows.append(row)
+    return rows
+
+
+def crossing_lines(crossings: Sequence[Crossing]) -> list[str]:
+    """Sentences on where curves cross, ``binder of a and b cross at T = 1.44 ± 0.01, where it is 0.62 ± 0.01``."""
+    lines = []
+    for one in crossings:
+        (first, curve), (second, _) = one.first, one.second
+        whose = ", ".join(filter(None, (curve.about.label, curve.about.estimator)))
+        subject = f"{curve.function or curve.label} of {first} and {second}"
+        for place in one.places:
+            at = f"{curve.word} = {with_interval(place.at, place.at_half)}"
+            value = with_interval(place.value, place.value_half)
+            lines.append(f"{subject}: crossing at {at}, where it is {value}, with {whose}")
+        if not one.places:
+            lines.append(f"{subject}: no crossing is certain to 95 %, with {whose}")
+    return lines

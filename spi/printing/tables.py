@@ -412,7 +412,7 @@ def grid(verdicts: Sequence[Verdict], then: str = " ") -> TextTable:
     for one in verdicts:
         result, at = re.sub(r" (?=[\[(])", then, came_out(one)), _at(one).replace(", ", f",{then}")
         verdict = StyledText(one.verdict, _STYLES.get(one.verdict, "yellow"))
-        rows.append([*map(StyledText, (one.subject, one.claim.text, result, at)), verdict])
+        rows.append([*map(StyledText, (one.subject, one.text, result, at)), verdict])
     return TextTable("claims", ["scheme", "claim", "result (95 %)", "at", ""], [rows], left=5)
 
 
@@ -455,7 +455,7 @@ def remarks(name: str, verdicts: Sequence[Verdict]) -> Iterator[str]:
 def complaints(verdicts: Iterable[Verdict]) -> list[tuple[str, str]]:
     """Verdict and the result of each claim that is neither confirmed nor consistent with the results."""
     return [
-        (one.verdict, f"{one.claim.case}: {one.subject}: {one.claim.text}; result: {came_out(one)}")
+        (one.verdict, f"{one.claim.case}: {one.subject}: {one.text}; result: {came_out(one)}")
         for one in verdicts
         if one.verdict not in (CONFIRMED, CONSISTENT)
     ]

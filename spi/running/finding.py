@@ -9,7 +9,7 @@ from ..specs.document import SpecError, nearest, text_of
 from ..specs.experiment import PROFILES, Experiment
 from ..specs.keys import suggestion
 from ..specs.naming import results_in
-from ..storage import StorageError
+from ..storage import FORMER, StorageError
 from ..storage.records import StoredResults
 from ..storage.results import read, read_root
 from . import shipped
@@ -82,7 +82,7 @@ def results_file(source: Path, folder: Path, wanted: Wanted = PLAIN) -> Path:
 
 def every(folder: Path, wanted: Wanted = PLAIN) -> list[Path]:
     """All results files in a folder, or those of runs with some options; StorageError if there are none."""
-    paths = sorted(set(folder.glob("*.h5")) - set(folder.glob("*.previous.h5")))
+    paths = sorted(set(folder.glob("*.h5")) - set(folder.glob(f"*{FORMER}.h5")))
     if wanted != PLAIN:
         wanted.path(folder, "")  # so that a wrong profile is said before any file is read
         paths = [path for path in paths if _is_of(path, wanted)]

@@ -171,7 +171,13 @@ def _only_relooked(experiment: specs.Experiment, target: Path) -> bool:
 
 
 def results_path(experiment: specs.Experiment, out: str | Path) -> Path:
-    """Results file of an experiment: ``<out>/<name>.h5``, see :mod:`spi.specs.naming`."""
+    """Results file of an experiment: ``<out>/<name>.h5``, see :mod:`spi.specs.naming`.
+
+    SpecError for a name that is that of former results of another.
+    """
+    if experiment.name.endswith(storage.FORMER):
+        called = f"{experiment.name}{experiment.path.suffix}"
+        raise specs.SpecError(f"{called}: names that end with {storage.FORMER} are those of former results; rename it")
     return results_in(out, experiment.name, experiment.profile, experiment.overrides)
 
 

@@ -26,10 +26,12 @@ from ..ensemble.protocol import (
     flows_lacking,
     has_bath,
     has_friction,
+    initial_time,
     large,
     named_numbers,
     noise_indices,
     noises,
+    one_path,
     parameters,
     squared_length_is_casimir,
 )
@@ -39,10 +41,11 @@ from ..expressions import as_numpy, canonical, is_constant, parse_expression
 from ..expressions.arithmetic import NumberError
 from ..expressions.ranges import TAKEN, meaning_of, numbered, written_out
 from ..models import MODELS
-from ..models.delegation import damped, thermal, undamped
+from ..models.delegation import damped, depends_on_time, thermal, undamped
 from ..numerics.rng import MOST_NOISES
 from ..schemes import SCHEMES, Scheme, composed, of_model, with_eps
-from ..statistics.claims import Claim, Sort
+from ..statistics.claims import Claim
+from ..storage.stored import Claimed
 from .checks import (
     check_count,
     check_distinct,
@@ -96,13 +99,17 @@ class FunctionKeys(CodeKeys):
         model: Any
         variables: tuple[str, ...]
 
+        @property
+        def last_time(self) -> float: ...
+
     @property
     def expressions(self) -> tuple:
         """Trees of the test functions, in the order of their names."""
         return tuple(map(self._parsed, self.functions.values()))
 
     def _parsed(self, text: str, names: tuple[str, ...] = ()) -> Any:
-        known = named_in(text, self.model, self.variables, self.python)
+        at_end = {"t": initial_time(undamped(self.model)) + self.last_time}
+        known = at_end | named_in(text, self.model, self.variables, self.python)
         return parse_expression(text, dimension(self.model), names, known)
 
     @pydantic.field_serializer("functions")
@@ -199,7 +206,7 @@ class BaseCase(Keys):
     at_once: ClassVar[bool] = True  #: whether all increments of a path may be made at once
     driven: ClassVar[bool] = True  #: whether `noise` may be another process than Brownian motion
     along_paths: ClassVar[bool] = False  #: whether errors are those of given paths, which have areas of their own
-    quantities: ClassVar[Mapping[str, Sort]] = {}  #: name -> sort of a quantity that claims may name
+    quantities: ClassVar[Mapping[str, Claimed]] = {}  #: by name the quantities that claims may name
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
     most_swept: ClassVar[int] = 2  #: the number of parameters that may be swept at once
@@ -362,6 +369,12 @@ class BaseCase(Keys):
         """Whether there is one path only, whose state threads share."""
         return False
 
+    def can_share_one(self, h: float) -> bool:
+        """Whether threads can share the state of one path, by the model and all schemes, with steps of size h."""
+        if self.driver or getattr(self, "truncate_noise", False) or not answers(one_path, self.model):
+            return False
+        return all(one_path(self.model, self.row(name).record, h) for name in self.schemes)
+
     @condition
     def _check_needs(self) -> None:
         """Facts that schemes need hold for the model."""
@@ -371,6 +384,8 @@ class BaseCase(Keys):
                 "others with samples: 1, by splittings without coins, splitting_metropolis with by: sites, "
                 "and periodic lengths that divide into 64 equal parts"
             )
+            if depends_on_time(self.model):
+                right = f"paths of a model that depends on time have at most {MOST_NOISES}; take a smaller one"
             raise wrong(f"has {noises(self.model)} Wiener processes", right, "model")
         for name in self.schemes_used:
             self._check_scheme(name)

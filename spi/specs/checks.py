@@ -117,6 +117,16 @@ def _without_flow(case: Any, name: str, part: str, k: int) -> PydanticCustomErro
     return wrong_scheme(case, name, fault, f"add inner: {either} to the model, or use {', '.join(able)}")
 
 
+def _check_judged(case: Any, name: str) -> None:
+    """The law by which flows are accepted is that of the case."""
+    if case.truncate_noise:
+        fault = "whose tests of acceptance are those of normal increments, not of clipped ones"
+        raise wrong_scheme(case, name, fault, "leave out truncate_noise, or give the scheme a case of its own")
+    if large(case.model) and depends_on_time(case.model):
+        fault = "whose flows are accepted by the law exp(-H/T), which is none of an H that depends on time"
+        raise wrong_scheme(case, name, fault, "use splitting_symmetric, or leave t out of the model")
+
+
 def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key: str) -> None:
     """No scheme twice, flows where there must be some, no Lévy areas of more pairs of noises than compiled code takes;
     and what the truncation of increments asks for, where some of the schemes are `used`."""
@@ -128,12 +138,8 @@ def check_schemes(case: Any, used: tuple[str, ...], steps: Sequence[float], key:
         raise wrong(f"{has} {quantity(max(steps))}", right, key)
     for name in case.schemes_used:
         row = case.row(name)
-        if truncated and judges(row.record):
-            fault = "whose tests of acceptance are those of normal increments, not of clipped ones"
-            raise wrong_scheme(case, name, fault, "leave out truncate_noise, or give the scheme a case of its own")
-        if judges(row.record) and large(case.model) and depends_on_time(case.model):
-            fault = "whose flows are accepted by the law exp(-H/T), which is none of an H that depends on time"
-            raise wrong_scheme(case, name, fault, "use splitting_symmetric, or leave t out of the model")
+        if judges(row.record):
+            _check_judged(case, name)
         if row.needs_truncation and name in used and not truncated and case.noise is None:
             right = _apart(name) if max(getattr(case, "extrapolate", (0,))) else "set truncate_noise: true"
             raise wrong_scheme(case, name, "which needs bounded increments", right)

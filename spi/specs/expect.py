@@ -131,10 +131,10 @@ def _claim(case: Any, path: tuple[str, ...], stated: Stated) -> Claim:
             raise wrong("is not a known quantity", suggestion(key, (*case.quantities, *within)), *place)
     if name not in case.quantities:
         raise wrong(f"is {shown(stated.text)}", "must be a mapping of quantities", *place)
-    sort = case.quantities[name]
-    if "h" in dict(limits) and not sort.per_step:
+    quantity = case.quantities[name]
+    if "h" in dict(limits) and not quantity.per_step:
         raise wrong("is not known for each step size", "state it outside of 'up to'", *place)
-    sense = stated.sense or sort.sense
+    sense = stated.sense or quantity.sense
     if stated.tolerance and sense != EQUAL:
         raise wrong(f"is {shown(stated.text)}", f"has no tolerance, because it is judged as {sense}", *place)
     return Claim(case.owner, scheme, name, sense, stated.number, stated.tolerance, text, tuple(scopes), tuple(limits))

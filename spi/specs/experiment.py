@@ -278,19 +278,13 @@ def load(
     named = Files(path, files, trusts, added)
     file: Any = _valid(kinds.read, document.data, [(document, ())])
     title = file.title or _printable(title or Path(path).stem)
-    owners = _owners(document, title)
-    profiles: dict[str, list[Layer]] = {
-        name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
-    }
     last: list[Layer] = [(override(called, text), ()) for text in overrides]
     for layer, _ in last:
         _valid(kinds.profile(file.kind).model_validate, layer.data, [(layer, ())])
-    read = partial(_cases, kinds.case(file.kind), named, document, owners)
-    each = {name: read(above) for name, above in {"": [], **profiles}.items()}
-    cases = read(profiles.get(profile, []) + last) if last else each[profile if profile in profiles else ""]
-    used = {name for built in (*each.values(), cases) for case in built for name in case.schemes_used}
-    within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
-    _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
+    owners = _owners(document, title)
+    cases = _chosen_cases(
+        partial(_cases, kinds.case(file.kind), named, document, owners), document, owners, profile, last
+    )
     chosen = file.figure.model_dump(exclude={"number"}, exclude_unset=True) if isinstance(file.figure, Keys) else {}
     _check_chosen(chosen, cases, document)
     effective = json.loads(_canonical({"kind": file.kind, "cases": _deciding(cases)}))
@@ -407,6 +401,28 @@ def _layers_of(name: str, file: Document, owners: dict[str, Owner], above: Seque
             document.fail((*loc, "cases", other), f"is not a known case; {suggestion(other, owners)}")
         layers += [(document, loc), *([(document, (*loc, "cases", name))] if name in by_name else [])]
     return layers
+
+
+def _chosen_cases(
+    read: Callable[[Sequence[Layer]], tuple[BaseCase, ...]],
+    document: Document,
+    owners: dict[str, Owner],
+    profile: str,
+    last: list[Layer],
+) -> tuple[BaseCase, ...]:
+    """Cases that `read` makes of the file with a profile and the overrides `last`.
+
+    SpecError about any profile, be it chosen or not, and about compositions that none uses.
+    """
+    profiles: dict[str, list[Layer]] = {
+        name: [(document, ("profiles", name))] for name in document.data.get("profiles", {})
+    }
+    each = {name: read(above) for name, above in {"": [], **profiles}.items()}
+    cases = read(profiles.get(profile, []) + last) if last else each[profile if profile in profiles else ""]
+    used = {name for built in (*each.values(), cases) for case in built for name in case.schemes_used}
+    within: list[Layer] = [(document, owner) for owner, _ in owners.values()]
+    _check_used(used, [(document, ()), *within, *chain.from_iterable(profiles.values()), *last])
+    return cases
 
 
 def _check_used(used: set[str], layers: Iterable[Layer]) -> None:

@@ -63,6 +63,17 @@ def _named(value: Any, right: str) -> dict[str, str]:
     return {str(name): text for name, text in named.items()}
 
 
+def _crossing(value: Any) -> str | dict[str, str]:
+    """A quantity, or that with the lines of which it is."""
+    right = "a quantity, or of: a quantity and between: cases or a swept word"
+    if isinstance(value, str) and "=" not in value:
+        return _word(value)
+    named = _named(value, right)
+    if named.keys() != {"of", "between"}:
+        raise _wrong(value, right)
+    return named
+
+
 def _labels(value: Any) -> dict[str, str]:
     return _named(value, "labels by name, such as binder=Binder cumulant")
 
@@ -152,7 +163,9 @@ def _font_size(value: Any) -> float:
 FIGURE_KEYS: Mapping[str, FigureKey] = {
     "panels": FigureKey("Panels, such as mean,variance; of a sweep its quantities.", _panels),
     "overlay": FigureKey("Lines in one panel: of all cases (cases), or of each value of a swept word.", _word),
-    "crossing": FigureKey("Quantity over a swept word, the crossing of whose two lines is marked.", _word),
+    "crossing": FigureKey(
+        "Quantity over a swept word, whose lines' crossing is marked; of=..,between=.. names the lines.", _crossing
+    ),
     "title": FigureKey("Another title; without one the parameters are left out, too.", _title, can_be_off=True),
     "labels": FigureKey("Labels, such as binder=Binder cumulant,T=temperature.", _labels),
     "log": FigureKey("Axes that become logarithmic: x, y, xy, or none of them.", _one_of("x", "y", "xy", "none")),
@@ -181,6 +194,10 @@ def read_figure(given: Mapping[str, Any]) -> dict[str, Any]:
             read[name] = FIGURE_KEYS[name].read(value)
         except ValueError as error:
             raise ValueError(f"{name}: {error}") from None
+    if isinstance(crossing := read.get("crossing"), dict):
+        read["crossing"], between = crossing["of"], crossing["between"]
+        if read.setdefault("overlay", between) != between:
+            raise ValueError(f"overlay: is {read['overlay']}, but crossing is between {between}; leave out one of them")
     if size := read.pop("size", None):
         if beside := next((name for name in ("width", "height") if name in read), None):
             raise ValueError(f"size: is given beside {beside}; leave out one of them")

@@ -339,6 +339,14 @@ def _reached(steps: tuple[Any, ...], keys: Sequence[str], data: Any) -> tuple[Lo
     return loc, value
 
 
+def _others(error: Any, errors: Sequence[Any]) -> list[Any]:
+    """Mistakes of what may stand in the place of a word, if the mistake is that the word is none of some."""
+    if error["type"] != "literal_error" or not str(error["loc"][-1]).startswith("literal["):
+        return []
+    union = error["loc"][:-1]
+    return [each for each in errors if each is not error and each["loc"][: len(union)] == union]
+
+
 def attempt(read: Callable[[Any], Any], data: Any) -> tuple[Any, dict[Location, str]]:
     """(the record that pydantic reads from `data`, no mistakes) or (None, place -> mistake)."""
     try:
@@ -348,13 +356,11 @@ def attempt(read: Callable[[Any], Any], data: Any) -> tuple[Any, dict[Location, 
     mistakes: dict[Location, str] = {}
     for error in errors:
         loc, message = explained(error, errors, data)
-        if error["type"] == "literal_error" and str(error["loc"][-1]).startswith("literal["):  # or something else
-            union = error["loc"][:-1]
-            others = [each for each in errors if each is not error and each["loc"][: len(union)] == union]
-            if others and isinstance(reduce(getitem, loc, data), dict):
-                continue  # a word may stand there or a mapping, and a mapping stands there
-            if "known: " in message and any(each["type"] == "model_type" for each in others):
-                message += ", or a mapping"
+        others = _others(error, errors)
+        if others and isinstance(reduce(getitem, loc, data), dict):
+            continue  # a word may stand there or a mapping, and a mapping stands there
+        if "known: " in message and any(each["type"] == "model_type" for each in others):
+            message += ", or a mapping"
         # one mistake may be seen as each of the things that may stand there
         if not any(loc[: len(other)] == other or other[: len(loc)] == loc for other in mistakes):
             mistakes[loc] = message

@@ -10,8 +10,7 @@ claim allows, the claim is
     inconclusive   otherwise, and if the interval is too wide to say anything or the number is not resolved.
 
 No claim is confirmed, nor consistent, about what is not finite, be it in part, or of which paths diverged: it is
-contradicted by what is finite, or inconclusive.  Only how many paths diverged is a number all the same
-(:data:`COUNTS`).
+contradicted by what is finite, or inconclusive.  Only how many paths diverged is a number all the same.
 
 An interval misses the truth once in 20 times, twice the interval once in 10,000: a true claim is hardly ever
 contradicted.
@@ -25,7 +24,18 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from ..storage.records import Order
-from ..storage.stored import AT_LEAST, AT_MOST, EQUAL, WIDEST, Claimed, Description, Entry, Estimate, Stored, last
+from ..storage.stored import (
+    AT_LEAST,
+    AT_MOST,
+    CLAIMED_ORDER,
+    EQUAL,
+    Claimed,
+    Description,
+    Entry,
+    Estimate,
+    Stored,
+    last,
+)
 from .rounding import all_exact
 
 CONFIRMED, CONSISTENT, INCONCLUSIVE, CONTRADICTED = "confirmed", "consistent", "inconclusive", "contradicted"
@@ -34,26 +44,16 @@ VERDICTS = (CONFIRMED, CONSISTENT, INCONCLUSIVE, CONTRADICTED)  #: from good to 
 _ROUNDING = 1e-12  # relative: step sizes written as decimals are not exact
 
 
-class Sort(NamedTuple):
-    """A quantity that the specs of a kind may expect."""
-
-    sense: str  #: in which a bare number is meant
-    per_step: bool = False  #: whether it belongs to a step size
-    named: bool = False  #: whether each of its numbers has a name of its own, which says what it is
-
-
-#: The quantities that say how many paths diverged, or how many did not, and what they are if none did.
-COUNTS = {"nonfinite": 0.0, "finite": 1.0}
-
-
-def claimable(record: type[Stored]) -> dict[str, Sort]:
+def claimable(record: type[Stored]) -> dict[str, Claimed]:
     """Quantities that specs may expect of a record, by name, orders and what is claimed to be equal first."""
     found = [(entry, claim) for entry in record.entries for claim in entry.meaning.claims]
     found.sort(key=lambda pair: (math.isinf(pair[1].widest), pair[1].sense != EQUAL))
-    return {
-        claim.name or entry.name: Sort(claim.sense, "h" in entry.axes, "quantity" in entry.axes)
-        for entry, claim in found
-    }
+    return {claim.name or entry.name: claim._replace(per_step="h" in entry.axes) for entry, claim in found}
+
+
+def in_print(name: str) -> str:
+    """A quantity without a title as it is called in print: ``Casimir drift``."""
+    return name.replace("_", " ").replace("casimir", "Casimir")
 
 
 class Claim(NamedTuple):
@@ -73,8 +73,7 @@ class Claim(NamedTuple):
     def text(self) -> str:
         """``order 1/2`` or ``Casimir drift at most 1e-12``."""
         sense = "" if self.sense == EQUAL else f"{self.sense} "
-        name = "diverged" if self.quantity == "nonfinite" else self.quantity.replace("_", " ")  # as in tables
-        return f"{name.replace('casimir', 'Casimir')} {sense}{self.stated}"
+        return f"{in_print(self.quantity)} {sense}{self.stated}"
 
     @property
     def allowed(self) -> tuple[float, float]:
@@ -103,7 +102,7 @@ class Quantity(NamedTuple):
     function: str = ""  #: the test function it belongs to
     h: float | None = None  #: the step size it belongs to
     swept: tuple[str, float] | None = None  #: the swept parameter and the value it belongs to
-    widest: float = math.inf  #: half the width of an interval from which on it says nothing
+    claim: Claimed = Claimed(EQUAL)  #: what may be claimed of it, and how it is written and drawn
     expected: float = math.nan  #: what theory, a reference or a solver without sampling says; NaN where none does
     lost: str = ""  #: what of it is not finite, which paths diverged, or why it is none: no claim about it is confirmed
 
@@ -143,6 +142,12 @@ class Verdict(NamedTuple):
         """Scheme, estimator and test function whose quantity is judged, as text."""
         return self.found.subject if self.found else ", ".join((self.claim.scheme, *self.claim.scopes))
 
+    @property
+    def text(self) -> str:
+        """The claim, with the quantity as it is called in print."""
+        title = self.found.claim.title if self.found else ""
+        return self.claim._replace(quantity=title or self.claim.quantity).text
+
 
 # ---------------------------------------------------------------------------------------------------------------------
 # Quantities that came out
@@ -158,10 +163,12 @@ def quantity(
     h: float | None = None,
     expected: float = math.nan,
     lost: str = "",
+    claim: Claimed = Claimed(EQUAL),  # noqa: B008
 ) -> Quantity:
     """A quantity with half the width of its interval, which is 0 for an infinite value: that is certain."""
     value, half = float(value), 0.0 if math.isinf(value) else float(half)
-    return Quantity(name, about, value, value - half, value + half, function, h, expected=float(expected), lost=lost)
+    ends = value - half, value + half
+    return Quantity(name, about, value, *ends, function, h, claim=claim, expected=float(expected), lost=lost)
 
 
 def lost_among(values: np.ndarray, plural: str) -> str:
@@ -171,11 +178,15 @@ def lost_among(values: np.ndarray, plural: str) -> str:
 
 
 def order(
-    about: Description, fitted: Order, name: str = "order", function: str = "", expected: float | None = None
+    about: Description,
+    fitted: Order,
+    claim: Claimed = CLAIMED_ORDER,
+    function: str = "",
+    expected: float | None = None,
 ) -> Quantity:
-    """A fitted order of convergence, with the order `expected` by theory."""
-    theory = math.nan if expected is None else expected
-    return Quantity(name, about, fitted.order, fitted.low, fitted.high, function, widest=WIDEST, expected=theory)
+    """A fitted order of convergence, which may be claimed, with the order `expected` by theory."""
+    name, theory = claim.name or "order", math.nan if expected is None else expected
+    return Quantity(name, about, fitted.order, fitted.low, fitted.high, function, claim=claim, expected=theory)
 
 
 def lost_is_infinite(values: np.ndarray) -> np.ndarray:
@@ -195,7 +206,7 @@ def quantities(readings: Sequence[Stored]) -> Iterator[Quantity]:
 
 def orders_of(readings: Sequence[Stored]) -> list[Quantity]:
     """Fitted orders of the records of a case, those of the largest errors over eps as well."""
-    return [one for one in quantities(readings) if one.name in ("order", "uniform_order")]
+    return [one for one in quantities(readings) if one.claim.is_order]
 
 
 #: The axes along which a field has quantities of their own, beside those whose values have labels.
@@ -222,7 +233,7 @@ def _claimed(record: Stored, entry: Entry, claim: Claimed) -> Iterator[Quantity]
             function=function,
             h=float(at["h"]) if "h" in at else None,
             swept=(record.get("sweep"), float(at["value"])) if "value" in at else None,
-            widest=claim.widest,
+            claim=claim,
             expected=float(expected[place]),
             lost=str(lost[place]) or exact,
         )
@@ -282,12 +293,13 @@ def _with_diverged(quantities: Sequence[Quantity]) -> list[Quantity]:
     """
     diverged: dict[tuple[Any, ...], str] = {}
     for q in quantities:
-        if q.name in COUNTS and q.value != COUNTS[q.name]:
-            count = f"{q.value:g}" if q.name == "nonfinite" else f"{1 - q.value:.3g} of the paths"
+        if q.claim.counts_paths and q.value != q.claim.none_diverged:
+            share = q.claim.none_diverged - q.value
+            count = f"{share:.3g} of the paths" if share > 0 else f"{q.value:g}"
             reason = f"{count} diverged"
             diverged[_paths(q)] = reason
             diverged.setdefault(_paths(q._replace(h=None)), reason if q.h is None else f"{reason} at h = {q.h:g}")
-    return [q if q.name in COUNTS else q._replace(lost=q.lost or diverged.get(_paths(q), "")) for q in quantities]
+    return [q if q.claim.counts_paths else q._replace(lost=q.lost or diverged.get(_paths(q), "")) for q in quantities]
 
 
 def _paths(quantity: Quantity) -> tuple[Any, ...]:
@@ -310,7 +322,7 @@ def _worst(claim: Claim, members: Sequence[Quantity]) -> Verdict:
 def _verdict(claim: Claim, q: Quantity) -> str:
     a, b = claim.allowed
     down, up = (0.0 if end == q.value else abs(q.value - end) for end in (q.low, q.high))
-    if any(map(math.isnan, (q.value, down, up))) or (down + up) / 2 > q.widest:
+    if any(map(math.isnan, (q.value, down, up))) or (down + up) / 2 > q.claim.widest:
         return INCONCLUSIVE
     if q.low <= b and q.high >= a:
         if q.lost or not all(map(math.isfinite, (q.value, q.low, q.high))):

@@ -1,5 +1,6 @@
 """Curves of quantities, perhaps over a swept parameter: one for each quantity, scheme, estimator and function."""
 
+import math
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from itertools import pairwise
@@ -8,8 +9,8 @@ from typing import NamedTuple
 import numpy as np
 
 from ..storage.records import INTERVAL
-from ..storage.stored import Description
-from .claims import Quantity
+from ..storage.stored import AT_MOST, Claimed, Description
+from .claims import Quantity, in_print
 
 
 class Surface(NamedTuple):
@@ -44,11 +45,15 @@ class Surface(NamedTuple):
 
 def _zeros(x: np.ndarray, middle: np.ndarray, low: np.ndarray, high: np.ndarray) -> Iterator[tuple[float, float]]:
     """Zeros of numbers with intervals along ascending x, see :meth:`Surface.zeros`."""
+    for a, b in sign_changes(middle, low, high):
+        at = slice(a, b + 1)
+        yield _zero(x[at], middle[at], (high[at] - low[at]) / 2)
+
+
+def sign_changes(middle: np.ndarray, low: np.ndarray, high: np.ndarray) -> Iterator[tuple[int, int]]:
+    """Places before and after each change of sign: the signs there are certain to 95 %, and none between them is."""
     sure = np.flatnonzero((low > 0) | (high < 0))
-    for a, b in pairwise(sure.tolist()):
-        if middle[a] * middle[b] < 0:
-            at = slice(a, b + 1)
-            yield _zero(x[at], middle[at], (high[at] - low[at]) / 2)
+    yield from ((a, b) for a, b in pairwise(sure.tolist()) if middle[a] * middle[b] < 0)
 
 
 def _zero(x: np.ndarray, y: np.ndarray, half: np.ndarray) -> tuple[float, float]:
@@ -78,8 +83,12 @@ class Curve(NamedTuple):
     @property
     def label(self) -> str:
         """Name of the quantity in print."""
-        name = "diverged paths" if self.name == "nonfinite" else self.name.replace("_", " ")
-        return name.replace("casimir", "Casimir")
+        return self.claim.title or in_print(self.name)
+
+    @property
+    def claim(self) -> Claimed:
+        """What may be claimed of the quantity, and how it is written and drawn."""
+        return self.points[0].claim
 
     @property
     def values(self) -> np.ndarray:
@@ -100,6 +109,18 @@ class Curve(NamedTuple):
         }
         first, second = (np.unique(each) for each in zip(*points, strict=True))
         return Surface((self.word, self.second_word), (first, second), points)
+
+    def lines(self) -> list[tuple[float, "Curve"]]:
+        """Each value of the second of two parameters, in ascending order, with the curve over the first one there."""
+        by_value: dict[float, list[Quantity]] = {}
+        for point in self.points:
+            if point.about.swept:
+                by_value.setdefault(point.about.swept.second_value, []).append(point)
+        lines = []
+        for value, points in sorted(by_value.items()):
+            swept = points[0].about.swept and replace(points[0].about.swept, second_word="", second_value=math.nan)
+            lines.append((value, self._replace(points=tuple(points), about=replace(points[0].about, swept=swept))))
+        return lines
 
     def zeros(self) -> list[tuple[float, float]]:
         """Zeros over the only parameter, each with half the width of its 95 % interval; see :meth:`Surface.zeros`."""
@@ -129,28 +150,15 @@ class Curve(NamedTuple):
 
     @property
     def poor(self) -> np.ndarray:
-        """(V,) whether the interval is too wide to say anything, or, of an error, has no positive lower end."""
+        """(V,) whether the interval is too wide to say anything, or, of errors, has no positive lower end."""
         with np.errstate(invalid="ignore"):  # of paths that diverged
             half = (self.of("high") - self.of("low")) / 2
-        below = (self.of("low") <= 0) & (self.of("low") < self.of("value")) & (self.name == "error")
-        return ~(half <= self.of("widest")) | below
+        below = (self.of("low") <= 0) & (self.of("low") < self.of("value")) & (self.claim.sense == AT_MOST)
+        return ~(half <= self.claim.widest) | below
 
     def of(self, field: str) -> np.ndarray:
-        """(V,) a field of the quantities: ``value``, ``low``, ``high``, ``widest`` or ``expected``."""
+        """(V,) a field of the quantities: ``value``, ``low``, ``high`` or ``expected``."""
         return np.array([getattr(point, field) for point in self.points])
-
-
-def crossings(one: Curve, other: Curve) -> list[tuple[float, float]]:
-    """Values of the parameter at which two curves with independent errors cross, each with half its 95 % interval.
-
-    They are the zeros of the difference, see :meth:`Surface.zeros`, at the values that both have.
-    """
-    x, mine, others = np.intersect1d(one.values, other.values, return_indices=True)
-    (value, low, high), (value_2, low_2, high_2) = (
-        [curve.of(field)[at] for field in ("value", "low", "high")] for curve, at in ((one, mine), (other, others))
-    )
-    half = np.hypot(high - low, high_2 - low_2) / 2
-    return list(_zeros(x, value - value_2, value - value_2 - half, value - value_2 + half)) if len(x) > 1 else []
 
 
 def curves(quantities: Iterable[Quantity], names: Sequence[str]) -> list[Curve]:

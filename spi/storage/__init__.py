@@ -1,11 +1,12 @@
 """Files in and out: results, sums over paths, and where the numbers came from."""
 
-from .provenance import computed_by, finished, former, keys_needed, machine, make_room, provenance
+from .provenance import FORMER, computed_by, finished, former, keys_needed, machine, make_room, provenance
 from .records import INTERVAL, Group, Order, Part, StoredResults
 from .results import StorageError, check_writable, contents, read, remove_leftovers, write, write_all
 from .sums import Store
 
 __all__ = [
+    "FORMER",
     "INTERVAL",
     "Group",
     "Order",

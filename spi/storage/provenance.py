@@ -72,9 +72,12 @@ def finished(path: str | Path, identity: dict[str, Any]) -> dict[str, Any] | Non
     return stored if same and stored.get("complete") else None
 
 
+FORMER = ".previous"  #: what the names of files with former results end with
+
+
 def former(path: Path) -> Path:
     """File in which those results are kept that were in a file before its spec, or the sources, changed."""
-    return path.with_suffix(f".previous{path.suffix}")
+    return path.with_suffix(f"{FORMER}{path.suffix}")
 
 
 def make_room(path: Path, identity: dict[str, Any], fresh: bool = False) -> set[str] | None:

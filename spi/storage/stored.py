@@ -78,7 +78,10 @@ EQUAL, AT_MOST, AT_LEAST = "equal", "at most", "at least"  #: the senses in whic
 
 
 class Claimed(NamedTuple):
-    """Claims that specs may make about a field; texts are names of fields or properties of the record."""
+    """A quantity that specs may make claims about, and how it is written and drawn.
+
+    ``expected``, ``where`` and ``lost`` are names of fields or properties of the record.
+    """
 
     sense: str  #: in which a bare number is meant
     name: str = ""  #: of the quantity, if it is not that under which the field is stored
@@ -88,6 +91,24 @@ class Claimed(NamedTuple):
     expected: str = ""  #: its value by theory, a reference or a solver without sampling
     where: str = ""  #: whether it is a quantity at all
     lost: str = ""  #: why no claim about it is confirmed
+    title: str = ""  #: its name in print, if it is another one
+    further: str = ""  #: what is said of it behind its scheme and test function where orders stand in a list
+    symbol: str = ""  #: LaTeX of the operator on a test function that it is, as of an expectation
+    ends: str = ""  #: the form of the ends of an interval that is written by these; "" of one that is written with ±
+    is_order: bool = False  #: whether it is an order of convergence, of which theory speaks as h -> 0
+    is_named: bool = False  #: whether each of its numbers has a name of its own, which says what it is
+    is_fit: bool = False  #: whether it is left out of a headline where it could not be fitted
+    none_diverged: float = math.nan  #: its number if no path diverged, where it says how many did, or did not
+    per_step: bool = False  #: whether it belongs to a step size, as the axes of its field say
+
+    @property
+    def counts_paths(self) -> bool:
+        """Whether it says how many paths diverged, or did not."""
+        return not math.isnan(self.none_diverged)
+
+
+#: How many paths diverged.
+DIVERGED = Claimed(AT_MOST, title="diverged", none_diverged=0.0)
 
 
 class Meaning(NamedTuple):
@@ -251,10 +272,10 @@ _OF_GROUP = ("about", "case", "variant")
 
 WIDEST = 0.25  #: half the width of the interval of an order from which on it says nothing
 
-#: The description of an order whose field has none, and what may be claimed of that under the name ``order``.
-ORDER = Meaning("fitted order of convergence", formula="p in error = C h^p")
+#: What may be claimed of an order, and the description of one whose field has none.
+CLAIMED_ORDER = Claimed(EQUAL, widest=WIDEST, expected="expected_order", ends=".3f", is_order=True)
+ORDER = Meaning("fitted order of convergence", formula="p in error = C h^p", claims=(CLAIMED_ORDER,))
 ENDS = tuple(map(Meaning, ("lower end of the 95 % interval", "upper end of the 95 % interval", "points in the fit")))
-_CLAIMED = (Claimed(EQUAL, widest=WIDEST, expected="expected_order"),)
 
 
 class Entry(NamedTuple):
@@ -300,7 +321,7 @@ def layout(
         axes = (name,) if field.meaning.is_axis else (*outer.axes, *field.meaning.axes)
         meaning, is_fact = field.meaning, not (field.is_array or field.is_order)
         if field.is_order:
-            meaning = (meaning if meaning.text else ORDER)._replace(claims=_CLAIMED * (name == "order"))
+            meaning = meaning if meaning.text else ORDER
             here = (*here, "order")
         yield Entry(name, axes, meaning, needed, is_fact, here, field)
         for end, part, attribute in zip(ends, ENDS, Order._fields[1:], strict=False):

@@ -4,6 +4,7 @@ import difflib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
@@ -15,6 +16,7 @@ from ..printing.text import new_console, printable
 from ..specs.document import Document, SpecError
 from ..specs.figures import read_figure
 from ..statistics import claims
+from ..statistics.crossings import Crossing, crossings, lines_of
 from ..statistics.curves import Curve, curves
 from ..storage import StorageError, write_all
 from ..storage.records import Group, StoredResults
@@ -56,6 +58,21 @@ def _whole(read: list[Stored], of: Sequence[str]) -> SweptCase:
         raise ValueError(f"panels: has '{unknown}'; of a sweep they are quantities: {', '.join(known)}")
     shown = [curve for curve in curves(quantities, of or swept.of or read[0].headline) if curve.is_known]
     return SweptCase(swept.owner, swept.title, read, shown)
+
+
+def crossings_of(results: StoredResults, read: Sequence[Stored]) -> list[Crossing]:
+    """Crossings of the curves of the quantity that the key ``figure`` of the spec names, of cases or second values."""
+    if not (of := chosen(results).get("crossing")):
+        return []
+    owners: dict[str, list[Stored]] = {}
+    for one in read:
+        if one.about.swept:
+            owners.setdefault(one.about.owner, []).append(one)
+    cases = []
+    for owner, own in owners.items():
+        quantities = [one for case in by_case(own) for one in claims.quantities(case)]
+        cases.append((owner, curves(quantities, [*dict.fromkeys(one.name for one in quantities)])))
+    return crossings(lines_of(cases, of))
 
 
 def readings(results: StoredResults) -> list[Stored]:
@@ -120,6 +137,8 @@ def data_tables(results: StoredResults) -> dict[str, DataTable]:
     found = tables_of(read)
     for main in [*found.values()][:1]:
         main.further = lambda row: tables.columns(row, owners[row["case"]], judged)
+    if rows := sweeps.crossing_rows(crossings_of(results, read)):
+        found["crossings"] = DataTable("crossings", (), own=rows)
     return found
 
 
@@ -197,11 +216,13 @@ def show(results: StoredResults, console: Any, everything: bool = False) -> None
     Tables in which a line says enough are that line, unless `everything` is asked for.
     """
     cases = list(by_cases(results, everything))  # before anything is printed: they may not be readable
+    lines = sweeps.crossing_lines(crossings_of(results, readings(results)))
     if title := results.attributes.get("title"):
         console.print(printable(title), style="bold", markup=False)
     for items, judged in cases:
         show_items(console, items)
         tables.show(console, judged)
+    show_items(console, [StyledText(line) for line in lines])
 
 
 def by_cases(
@@ -249,7 +270,7 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
         heading = words.get("title") or title(results, read)
         over = wholes(read, words.get("panels", ()))
         drawn: PanelFigure = (
-            _swept_figure(kind, heading, over, results.attributes.get("spec", ""))
+            _swept_figure(heading, over, results.attributes.get("spec", ""))
             if over
             else KINDS[kind].figure.draw(heading, by_case(read))
         )
@@ -257,7 +278,7 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
         return drawn
 
 
-def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
+def _swept_figure(title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing import page
     from ..drawing.sweeps import draw, draw_maps, each_value
@@ -265,16 +286,13 @@ def _swept_figure(kind: str, title: str, cases: Sequence[SweptCase], spec: str) 
     drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
-    sorts, over = KINDS[kind].keys.Case.quantities, page.current().chosen.get("overlay")
-    if over and all(curve.second_word == over for _, curves, _ in drawn for curve in curves):
-        drawn = [
-            (name, [line for curve in curves for line in each_value(curve)], facts) for name, curves, facts in drawn
-        ]
+    texts = _formulas(spec, "functions"), _formulas(spec, "reference")
+    words = {curve.second_word for _, curves, _ in drawn for curve in curves}
+    if words == {page.current().chosen.get("overlay")}:
+        drawn = [(name, list(chain.from_iterable(map(each_value, curves))), facts) for name, curves, facts in drawn]
         with page.without("overlay"):
-            return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
-    if any(curve.second_word for _, curves, _ in drawn for curve in curves):
-        return draw_maps(title, drawn, sorts)
-    return draw(title, drawn, sorts, _formulas(spec, "functions"), _formulas(spec, "reference"))
+            return draw(title, drawn, *texts)
+    return draw_maps(title, drawn) if any(words) else draw(title, drawn, *texts)
 
 
 def _formulas(spec: str, key: str) -> dict[str, str]:

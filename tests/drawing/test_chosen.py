@@ -14,9 +14,10 @@ import spi
 from spi import storage, views
 from spi.drawing import page, style, sweeps
 from spi.specs.figures import FIGURE_KEYS, read_figure
-from spi.statistics.claims import Quantity, Sort
-from spi.statistics.curves import crossings, curves
-from spi.storage.stored import Description, Swept
+from spi.statistics.claims import Quantity
+from spi.statistics.crossings import crossings
+from spi.statistics.curves import curves
+from spi.storage.stored import Claimed, Description, Swept
 
 #: A value of each, as text and as data that mean the same.
 SAME = {
@@ -138,6 +139,9 @@ def test_an_overlay_has_the_lines_of_all_cases_in_one_panel():
         views.figure(two, overlay="K")
 
 
+NAMED = Claimed("equal", is_named=True)
+
+
 def swept(name, values, over, shift=0.0, second=False, function="binder"):
     """A curve (value - shift) with errors of 0.01, over one word or over two."""
     points = []
@@ -146,7 +150,7 @@ def swept(name, values, over, shift=0.0, second=False, function="binder"):
             told = {"second_word": "K", "second_value": K} if second else {}
             about = described(f"{name}_{T}_{K}", Swept(word=over, value=T, owner=name, title=f"{name} sites", **told))
             value = T * (K if second else 1) - shift
-            points.append(Quantity("derived", about, value, value - 0.01, value + 0.01, function, h=0.5))
+            points.append(Quantity("derived", about, value, value - 0.01, value + 0.01, function, h=0.5, claim=NAMED))
     return curves(points, ["derived"])
 
 
@@ -158,25 +162,28 @@ def described(case, swept):
 
 def drawn(cases, **chosen):
     with page.applied(page.named(**chosen)):
-        return sweeps.draw("A title", cases, {"derived": Sort("equal", named=True)})
+        return sweeps.draw("A title", cases)
 
 
 T = (1.0, 1.2, 1.4, 1.6)
 
 
 def test_where_two_curves_cross_is_known_with_its_interval():
-    """x and 2x - 1.3, whose errors are independent, cross at 1.3; the interval is that of a line of least squares."""
+    """x and 2x - 1.3, whose errors are independent, cross at 1.3; the interval is that of a parabola."""
     one, other = swept("small", T, "T")[0], swept("large", T, "T")[0]
     steep = tuple(
         p._replace(value=2 * p.value - 1.3, low=2 * p.value - 1.31, high=2 * p.value - 1.29) for p in other.points
     )
-    ((place, half),) = crossings(one, other._replace(points=steep))
-    assert place == pytest.approx(1.3) and half == pytest.approx(0.01)  # (0.01^2 + 0.01^2)^(1/2) / 2^(1/2)
+    (crossing,) = crossings([("8", one), ("16", other._replace(points=steep))])
+    ((place, half, value, value_half),) = crossing.places
+    weights = (9**2 + 9**2 + 1 + 1) ** 0.5 / 16  # of the parabola in the middle of four points, (-1, 9, 9, -1) / 16
+    assert (place, value) == (pytest.approx(1.3), pytest.approx(1.3))
+    assert half == pytest.approx(0.01 * 2**0.5 * weights) and value_half == pytest.approx(0.01 * 5**0.5 * weights)
     cases = [("8", [one], []), ("16", [other._replace(points=steep)], [])]
     fig = drawn(cases, overlay="cases", crossing="binder", labels={"binder": "Binder cumulant"})
     (ax,) = fig.panels
     assert ax.get_ylabel() == r"$\mathrm{Binder\ cumulant}$" and ax.get_title(loc="left").strip() == ""
-    assert r"crossing at $T=1.300\pm0.010$" in [text.get_text() for text in fig.legends[0].get_texts()]
+    assert r"crossing at $T=1.300\pm0.012$" in [text.get_text() for text in fig.legends[0].get_texts()]
     assert "$h=2^{-1}$" in " ".join(text.get_text() for text in fig.texts)  # and not in the label
     with pytest.raises(ValueError, match="crossing: needs two lines over a number, and there are 1; give overlay"):
         drawn(cases, crossing="binder")
@@ -208,3 +215,14 @@ def test_greek_names_are_greek_letters():
     names = ("lambda", "mu_2", "Omega", "mass", "w0", "eps")
     assert [style.symbol(name) for name in names] == [r"\lambda", r"\mu_{2}", r"\Omega", "", "w_{0}", r"\varepsilon"]
     assert style.maths("2*mu + lambda_1") == r"$2\,\mu  + \lambda _1$"
+
+
+def test_a_crossing_names_its_lines():
+    """The longer form says which lines there are, which the key `overlay` may not contradict."""
+    wanted = {"crossing": "binder", "overlay": "cases"}
+    for given in ({"of": "binder", "between": "cases"}, "of=binder, between=cases"):
+        assert read_figure({"crossing": given}) == wanted
+    with pytest.raises(ValueError, match="overlay: is K, but crossing is between cases; leave out one of them"):
+        read_figure({"crossing": "of=binder,between=cases", "overlay": "K"})
+    with pytest.raises(ValueError, match="crossing: is 'of=binder'; must be a quantity, or of: a quantity and between"):
+        read_figure({"crossing": "of=binder"})

@@ -11,7 +11,7 @@ from spi.drawing.panels import CurvePanel
 from spi.drawing.sweeps import _theory
 from spi.statistics.claims import Quantity
 from spi.statistics.curves import Curve
-from spi.storage.stored import Estimate
+from spi.storage.stored import Claimed, Estimate
 
 K = np.array([-1.0, -0.5, -0.25, 0.25, 0.5, 1.0])
 
@@ -20,8 +20,9 @@ def curve(expected, parameters, word="K", x=K, name="average"):
     """A curve of six values of a parameter, whose model has such parameters at each."""
     every = [{key: values[i] for key, values in parameters.items()} for i in range(len(x))]
     abouts: Any = [SimpleNamespace(parameters=one, final_time=1.0, swept=None) for one in every]
+    claim = Claimed("equal", expected="reference" if name == "average" else "")
     points = [
-        Quantity(name, about, value, value, value, swept=(word, at), expected=value)
+        Quantity(name, about, value, value, value, swept=(word, at), expected=value, claim=claim)
         for about, value, at in zip(abouts, expected, x.tolist(), strict=True)
     ]
     return Curve(name, "f", abouts[0], tuple(points))

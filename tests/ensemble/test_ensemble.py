@@ -1,5 +1,7 @@
 """The loop over time: on what its results may not depend, its slow twin, its memory and its reports."""
 
+import os
+import subprocess
 import sys
 from contextlib import nullcontext
 
@@ -84,6 +86,17 @@ def test_threads_do_not_matter(name):
     assert np.array_equal(one, two)
     assert np.array_equal(one_report, two_report)
     assert len(np.unique(one[0, 0, 0])) == 7 * LANES
+
+
+def test_threads_that_wait_sleep():
+    """OpenMP itself says so, and what a user asks for counts."""
+    program = [sys.executable, "-c", "from spi.ensemble.loop import thread_count; thread_count()"]
+    for given, found in (({}, "PASSIVE"), ({"OMP_WAIT_POLICY": "active"}, "ACTIVE")):
+        kept = {name: value for name, value in os.environ.items() if name != "OMP_WAIT_POLICY"}
+        done = subprocess.run(program, env=kept | given | {"OMP_DISPLAY_ENV": "true"}, capture_output=True, text=True)
+        if "WAIT_POLICY" not in done.stderr:
+            pytest.skip("threads are not those of OpenMP")
+        assert f"'{found}'" in next(line for line in done.stderr.splitlines() if "WAIT_POLICY" in line)
 
 
 @pytest.mark.parametrize("name", [in_loops(name) for name in SCHEMES])

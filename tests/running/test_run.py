@@ -21,6 +21,7 @@ from spi.running import run as runner
 from spi.running.checkpoint import note_path
 from spi.running.finding import Wanted, listed
 from spi.running.run import Limits, Watch, load
+from spi.specs import SpecError
 from spi.storage import StorageError
 
 EXPERIMENT = Path(__file__).parents[2] / "experiments" / "rigid_body_strong.yaml"
@@ -170,6 +171,15 @@ def test_results_that_another_run_writes_meanwhile_are_kept(tmp_path, monkeypatc
     runner.run(experiment("samples=5"), tmp_path)
     assert storage.former(path).read_bytes() == other.read_bytes()
     assert {group.attributes["seed"] for group in storage.read(path).groups} == {1}
+
+
+def test_no_spec_is_called_as_former_results(tmp_path):
+    """Whose file another run would replace."""
+    with pytest.raises(
+        SpecError, match=r"x\.previous\.yaml: names that end with \.previous are those of former results"
+    ):
+        runner.run(experiment("samples=5")._replace(name="x.previous"), tmp_path)
+    assert not list(tmp_path.iterdir())
 
 
 def test_former_results_are_kept_once_with_their_sums(tmp_path):

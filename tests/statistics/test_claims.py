@@ -35,7 +35,7 @@ from spi.statistics.claims import (
     judge,
 )
 from spi.storage import Order
-from spi.storage.stored import Description, by_case
+from spi.storage.stored import Claimed, Description, by_case
 
 ABOUT = Description.of(strong_group("splitting", case="main"))
 
@@ -94,9 +94,9 @@ def test_a_number_is_judged_with_its_interval(sense, number, tolerance, value, h
 
 def test_an_interval_that_is_too_wide_decides_nothing():
     for widest, verdict in ((0.25, INCONCLUSIVE), (0.3, CONSISTENT)):
-        (found,) = judge([claim(0.5)], [came_out(0.5, 0.26, widest=widest)])
+        (found,) = judge([claim(0.5)], [came_out(0.5, 0.26, claim=Claimed(EQUAL, widest=widest))])
         assert found.verdict == verdict
-    (found,) = judge([claim(5.0)], [came_out(0.5, 0.26, widest=0.25)])  # nor that it failed
+    (found,) = judge([claim(5.0)], [came_out(0.5, 0.26, claim=Claimed(EQUAL, widest=0.25))])  # nor that it failed
     assert found.verdict == INCONCLUSIVE
 
 
@@ -256,8 +256,8 @@ def quantities_of(kind):
 def test_all_that_may_be_expected_comes_out(kind):
     known, found = KINDS[kind].keys.Case.quantities, quantities_of(kind)
     assert {one.name for one in found} == set(known)
-    for name, sort in known.items():
-        assert {one.h is not None for one in found if one.name == name} == {sort.per_step}, name
+    for name, claim in known.items():
+        assert {one.h is not None for one in found if one.name == name} == {claim.per_step}, name
 
 
 def test_what_comes_out_is_what_the_results_hold():
@@ -330,7 +330,7 @@ def came_out_of(kind, readings):
 def verdicts_on(one, quantities):
     """Of all claims about the quantity that hold whatever number it is, up to its step size and of its function."""
     limits = (("h", one.h),) if one.h is not None else ()
-    quantities = [other for other in quantities if other.name == one.name or other.name in claims.COUNTS]
+    quantities = [other for other in quantities if other.name == one.name or other.claim.counts_paths]
     about = one.about.owner, one.about.scheme, one.name
     for sense in (EQUAL, AT_MOST, AT_LEAST):
         number, tolerance = {EQUAL: (0.0, WIDE), AT_MOST: (WIDE, 0.0), AT_LEAST: (-WIDE, 0.0)}[sense]
@@ -365,10 +365,15 @@ def test_no_claim_passes_on_what_is_no_number(kind):
     assert judged == set(KINDS[kind].keys.Case.quantities) - {"nonfinite"}
 
 
-@pytest.mark.parametrize("kind", [kind for kind in KINDS if {*claims.COUNTS} & {*KINDS[kind].keys.Case.quantities}])
+def counts_of(kind):
+    """The quantities of a kind that say how many paths diverged, or how many did not."""
+    return [name for name, claim in KINDS[kind].keys.Case.quantities.items() if claim.counts_paths]
+
+
+@pytest.mark.parametrize("kind", [kind for kind in KINDS if counts_of(kind)])
 def test_no_claim_passes_on_paths_that_diverged(kind):
     """But those about how many: that they diverge can be claimed, and is then true at all step sizes."""
-    (count,) = {*claims.COUNTS} & {*KINDS[kind].keys.Case.quantities}
+    (count,) = counts_of(kind)
     for readings in by_case(views.readings(WHOLE[kind])):
         found = [one for one in came_out_of(kind, readings).values() if not one.lost]
         for lost in [one for one in found if one.name == count][::5]:

@@ -7,7 +7,7 @@ from strong_results import strong_group
 
 from spi.statistics.claims import Quantity, quantity
 from spi.statistics.curves import curves
-from spi.storage.stored import Description, Swept
+from spi.storage.stored import AT_MOST, CLAIMED_ORDER, Claimed, Description, Swept
 
 ABOUT = Description.of(strong_group("splitting"))
 
@@ -33,11 +33,10 @@ def test_an_eps_that_is_swept_is_one_curve_and_several_beside_it_are_several():
 
 
 def test_what_says_nothing_is_told_apart():
-    wide = Quantity("order", at(1.0), 1.0, 0.5, 1.5, widest=0.25)
+    wide = Quantity("order", at(1.0), 1.0, 0.5, 1.5, claim=CLAIMED_ORDER._replace(widest=0.25))
     lost = quantity("error", at(1.0), math.inf)
-    found = curves(
-        [quantity("error", at(1.0), 1.0, 2.0), wide, quantity("mean", at(1.0), 1.0, 2.0)], ["mean", "error", "order"]
-    )
+    error = quantity("error", at(1.0), 1.0, 2.0, claim=Claimed(AT_MOST))
+    found = curves([error, wide, quantity("mean", at(1.0), 1.0, 2.0)], ["mean", "error", "order"])
     assert [(curve.name, curve.poor.tolist()) for curve in found] == [
         ("mean", [False]),
         ("error", [True]),

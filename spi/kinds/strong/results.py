@@ -3,7 +3,7 @@
 from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
 from spi.storage.records import Order
-from spi.storage.stored import Array, Claimed, Stored, array, axis, fact
+from spi.storage.stored import DIVERGED, Array, Claimed, Stored, array, axis, fact
 
 #: The panels of the figure.
 PANELS = ("error", "final", "casimirs")
@@ -43,7 +43,7 @@ class StrongErrors(Stored):
         formula="max over paths and n of |C(y_n) - C(y_0)|",
         claim=Claimed("at most", infinite=True),
     )
-    nonfinite: Array = array("h", "diverged paths (NaN or infinity)", claim="at most")
+    nonfinite: Array = array("h", "diverged paths (NaN or infinity)", claim=DIVERGED)
     resolved: Array = array("h", "whether the error stands clear of its standard error")
     seconds: Array | None = array("h", "processor time of all steps of all paths", "s", default=None)
     ns_per_step: Array | None = array("h", "processor time of a step and path, at all sizes", "ns", default=None)

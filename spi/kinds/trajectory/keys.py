@@ -7,8 +7,7 @@ import numpy as np
 import pydantic
 from annotated_types import Ge, Le
 
-from spi.compiler.dispatch import answers
-from spi.ensemble.protocol import NonNegative, dimension, noises, one_path
+from spi.ensemble.protocol import NonNegative, dimension, noises
 from spi.kinds.functions import check_function
 from spi.numerics.rng import MOST_NOISES
 from spi.specs.cases import StepCase, with_others
@@ -106,9 +105,7 @@ panels: [casimirs, hamiltonian, components]
     @property
     def in_parts(self) -> bool:
         """Whether the path is that of a lattice with more noises than paths may have, whose state threads share."""
-        alone = noises(self.model) > MOST_NOISES and not self.driver and answers(one_path, self.model)
-        alone = alone and not getattr(self, "truncate_noise", False)
-        return alone and all(one_path(self.model, self.row(name).record, self.step) for name in self.schemes)
+        return noises(self.model) > MOST_NOISES and self.can_share_one(self.step)
 
     @condition
     def _check_sweep(self) -> Self:
@@ -157,7 +154,7 @@ panels: [casimirs, hamiltonian, components]
             check_function(self, name, text)
         section = self.section
         for key, text in [("of", section.of), *(("store", text) for text in section.store)] if section else ():
-            check_function(self, key, text, key="section")
+            check_function(self, key, text, key="section", timeless="a section is a surface of states")
         return self.model_copy(update={"functions": functions})
 
     @condition

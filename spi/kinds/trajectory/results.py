@@ -12,7 +12,7 @@ from spi.printing.text import power_of_two
 from spi.specs.panels import numbers_of
 from spi.statistics.claims import lost_among
 from spi.storage.records import Variables
-from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
+from spi.storage.stored import DIVERGED, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 _AT_A_TIME = 2**20  # numbers of states that are looked at together, so that large lattices need no further copy
 
@@ -174,7 +174,7 @@ class Trajectory(Stored):
             if lost := lost_times(self, values):
                 yield f"{self.about.label}: {name} is {lost}"
 
-    @derived("", "1 if the path diverged", claim="at most")
+    @derived("", "1 if the path diverged", claim=DIVERGED)
     def nonfinite(self) -> bool:
         """Whether the path diverged."""
         return self.nonfinite_from is not None

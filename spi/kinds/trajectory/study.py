@@ -12,13 +12,13 @@ import numpy as np
 
 from spi.ensemble.loop import BATCH_SECONDS, TimeGrid, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
-from spi.ensemble.protocol import decay_rates, geometry, large, one_path
+from spi.ensemble.protocol import decay_rates, geometry, large
 from spi.ensemble.random_states import RandomState
 from spi.ensemble.scheme_protocol import REPORT, judges, memory_size, report_columns
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import paths_moved, reported
 from spi.kinds.functions import evaluated, function_of
-from spi.kinds.plans import Done, KernelCall, PartCost, Plan, State, each_scheme, path_grid
+from spi.kinds.plans import Done, KernelCall, PartCost, State, each_scheme, path_grid
 from spi.models.delegation import depends_on_time
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.schemes import typical_ns
@@ -45,25 +45,10 @@ parts = each_scheme
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrajectoryPlan(Plan):
+class TrajectoryPlan(alone.LatticePlan):
     """One path of one scheme: number ``case.path`` of the seed."""
 
     record = Trajectory
-
-    @cached_property
-    def one_path(self) -> Any:
-        """Mover of one large lattice, None where the path is one of a block."""
-        return one_path(self.case.model, self.scheme, self.case.step) if self.case.in_parts else None
-
-    @cached_property
-    def is_long(self) -> bool:
-        """Whether functions are evaluated state by state."""
-        return alone.is_long(self.case)
-
-    @property
-    def model(self) -> Any:
-        """Record of the model for kernels, of one large lattice that of a part."""
-        return self.one_path.model if self.is_long else super().model
 
     @cached_property
     def grid(self) -> TimeGrid:
@@ -78,7 +63,7 @@ class TrajectoryPlan(Plan):
         """Steps of all paths that are computed, seconds of one thread at typical speed, and bytes of memory."""
         steps = self.grid.reference_steps
         stored = 8 * (self.case.recorded + 1) * (len(self.initial) + 4)
-        scratch = alone.bytes_of(self.case) if self.one_path else 0
+        scratch = alone.bytes_of(self.case) if self.movers else 0
         return PartCost(steps * self._paths, steps * self._seconds_per_step, scratch + stored, stored)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
@@ -134,13 +119,13 @@ class TrajectoryPlan(Plan):
     @property
     def _paths(self) -> int:
         """Number of paths that make steps: a block, of a large model only those up to the one that is wanted."""
-        return 1 if self.one_path is not None else paths_moved(self.model, self.case.path % LANES + 1)
+        return 1 if self.movers else paths_moved(self.model, self.case.path % LANES + 1)
 
     @property
     def _seconds_per_step(self) -> float:
         """Seconds of one thread at typical speed for a step of all these paths."""
-        if self.one_path:
-            return 1e-9 * float(self.one_path.ns)
+        if self.movers:
+            return alone.move_seconds(self.movers[0], 1)
         return self._paths * 1e-9 * typical_ns(self.row, self.model)
 
     def advance(self, chunks: Sequence[Chunk], started: OnePath | None) -> Iterator[list[tuple[Chunk, OnePath]]]:
@@ -148,7 +133,7 @@ class TrajectoryPlan(Plan):
         block, lane = divmod(self.case.path, LANES)
         path = started or self.empty(0)
         y = np.empty((self.case.recorded + 1, len(self.initial)))
-        if self.one_path:
+        if self.movers:
             y[0] = alone.start_of(self, self.case.path)
         else:
             y[0] = self.initial_states(block, 1)[:, lane if isinstance(self.initial, RandomState) else 0]
@@ -157,7 +142,7 @@ class TrajectoryPlan(Plan):
             began, stop = time.perf_counter(), self._stop(path.steps)
             times = self.grid._replace(first_step=path.steps, reference_steps=stop - path.steps, first_lane=lane)
             to_come = y[np.newaxis, path.steps // self.case.spacing :]  # the first of them is where the path goes on
-            if self.one_path is not None:
+            if self.movers:
                 report = self._moved(to_come[0], path.steps, stop)
             else:
                 recorder = state_recorder(times, to_come, self.case.spacing, lane)
@@ -174,14 +159,12 @@ class TrajectoryPlan(Plan):
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the block of the path, or of the large lattice."""
-        if self.one_path is not None:
-            return alone.kernel_calls(self.case, self.one_path)
         return self.calls_of_a_step(self.grid, self.stream)
 
     def _moved(self, y: np.ndarray, steps: int, stop: int) -> np.ndarray:
         """States of one large lattice from y[0], after `steps` steps, until step `stop`, in y; its report."""
         case = self.case
-        states = self.one_path.along(y[0], steps, stop - steps, case.spacing, int(self.stream.seed), case.path)
+        states = self.movers[0].along(y[0], steps, stop - steps, case.spacing, int(self.stream.seed), case.path)
         total = np.zeros((1, len(REPORT)))
         for number, (_, state, report) in enumerate(states, 1):
             y[number] = state
@@ -192,14 +175,17 @@ class TrajectoryPlan(Plan):
         """Part of the path that is done, of 1, and no standard error."""
         return Done(state.so_far().steps / self.grid.reference_steps, 1, float("nan"))
 
-    def _values(self, y: np.ndarray) -> Values | None:
-        """Functions of the case along the path."""
+    def _values(self, y: np.ndarray, t: np.ndarray) -> Values | None:
+        """Functions of the case along the path, of its states (stored, d) at the times t."""
         case = self.case
         if not case.functions:
             return None
         functions = [function_of(case, text) for text in case.functions.values()]
         texts = tuple(function.label for function in functions)
-        value = np.array([evaluated(functions, state) for state in y]).T if self.is_long else evaluated(functions, y.T)
+        if self.is_long:
+            value = np.array([evaluated(functions, *one) for one in zip(y, t, strict=True)]).T
+        else:
+            value = evaluated(functions, y.T, t)
         return Values(functions=tuple(case.functions), texts=texts, value=value)
 
     def _section(self, y: np.ndarray) -> Crossings | None:
@@ -274,7 +260,7 @@ class TrajectoryPlan(Plan):
                 "nonfinite_from": float(t[lost[0]]) if len(lost) else None,
                 "times": case.times or (),
                 "preserves": self.row.preserves,
-                "values": self._values(y),
+                "values": self._values(y, t),
                 "section": self._section(path.y),
                 "geometry": json.dumps(place) if (place := geometry(case.model)) else "",
             }

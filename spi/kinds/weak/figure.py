@@ -39,6 +39,13 @@ def _series(reading: WeakErrors, f: int, look: dict[str, Any], label: str) -> pl
     return plots.series(reading.h, error, look | {"marker": ""}, label, shown, band=True, note=note)
 
 
+def _name(one: WeakErrors, several: tuple[bool, bool]) -> str:
+    """Name of a line where there are several schemes, several estimators, or both."""
+    estimator = label_of(one.about.estimator)
+    estimator += f" ({style.count(one.paths)})" if one.paths is not None else ""
+    return ", ".join([style.label(one.about)] * (several[0] or not several[1]) + [estimator] * several[1])
+
+
 def _errors(readings: WeakReadings, looks: style.Looks) -> Iterator[plots.Plot | str]:
     """A panel for each test function, with the slopes that theory states."""
     apart = "samples" in readings[0].panels  # then plain results have panels of their own
@@ -49,10 +56,7 @@ def _errors(readings: WeakReadings, looks: style.Looks) -> Iterator[plots.Plot |
     for f in range(len(readings[0].functions)):
         lines = _largest(shown, f, looks)
         for one in shown:
-            estimator = label_of(one.about.estimator)
-            estimator += f" ({style.count(one.paths)})" if one.paths is not None else ""
-            names = [style.label(one.about)] * (several[0] or not several[1]) + [estimator] * several[1]
-            line = _series(one, f, panels.scheme_look(one, looks), ", ".join(names))
+            line = _series(one, f, panels.scheme_look(one, looks), _name(one, several))
             if one.sampled and not sampled:
                 line = line._replace(look=line.look | {"linestyle": "none"})
             if _is_outdone(one, shown):

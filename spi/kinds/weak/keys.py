@@ -10,9 +10,9 @@ from spi.ensemble.protocol import Positive
 from spi.specs.cases import FunctionsCase
 from spi.specs.checks import check_distinct, check_extrapolate
 from spi.specs.keys import ExtrapolationLevels, Functions, Samples, check_here, condition, key_of, wrong
-from spi.statistics.claims import Sort, claimable
+from spi.statistics.claims import claimable
 
-from .results import WeakErrors
+from .results import AGREEMENT, UNIFORM_ORDER, WeakErrors
 from .study import ESTIMATORS
 
 #: The panels of the figure.
@@ -99,7 +99,7 @@ functions: {phi: sin(2*pi*y1) + y2^2}
 estimators: [multilevel]
 seconds: 20
 """
-    quantities: ClassVar = claimable(WeakErrors) | {"uniform_order": Sort("equal"), "agreement": Sort("at most", True)}
+    quantities: ClassVar = claimable(WeakErrors) | {"uniform_order": UNIFORM_ORDER, "agreement": AGREEMENT}
     scoping: ClassVar = ("estimators", "functions")
 
     @condition

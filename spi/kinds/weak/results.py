@@ -14,7 +14,19 @@ from spi.printing.tables import Column, Table
 from spi.printing.text import HEAVY, duration, fraction, joined, order_text, power_of_two, readable, short
 from spi.statistics.claims import Quantity, lost_among, order, quantity
 from spi.storage.records import HEAVY_TAILS, Order, Variables, in_standard_errors, student
-from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
+from spi.storage.stored import (
+    CLAIMED_ORDER,
+    DIVERGED,
+    Array,
+    Claimed,
+    Described,
+    Stored,
+    array,
+    axis,
+    derived,
+    fact,
+    nested,
+)
 
 CONSISTENCY = 1.0  #: beyond that means of neighbouring levels disagree, but for 0.3 % of the time
 _DISAGREE = "the estimates disagree"
@@ -182,7 +194,10 @@ def _agreement(name: str, reading: "WeakErrors", readings: Sequence["WeakErrors"
     return None if near is None else getattr(near, name)
 
 
-_ERROR, _EXPECTATION = Claimed("at most", absolute=True), Claimed("equal", expected="limit")
+#: The order of the largest error over eps, and distances of sampled errors from those without sampling.
+UNIFORM_ORDER = CLAIMED_ORDER._replace(name="uniform_order", further="largest over eps")
+AGREEMENT = Claimed("at most", per_step=True)
+_ERROR, _EXPECTATION = Claimed("at most", absolute=True), Claimed("equal", expected="limit", symbol=r"\mathrm{E}\,")
 
 
 class WeakErrors(Stored):
@@ -261,7 +276,7 @@ class WeakErrors(Stored):
     )
     resolved: Array = array("function h", "whether the error stands clear of its own uncertainty")
     orders: tuple[Order, ...] = array("function", "", name="order")
-    nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
+    nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim=DIVERGED, default=None)
     expected_order: float | None = fact("order that theory states", column=True, default=None)
     sampled: SampledFields | None = None
     unsampled: Unsampled | None = None
@@ -295,12 +310,13 @@ class WeakErrors(Stored):
         for one in readings:
             if near := agreement(one, readings):
                 for (f, i), value in np.ndenumerate(np.abs(near.deviation)):
-                    yield quantity("agreement", one.about, value, 0.0, one.functions[f], float(one.h[i]))
+                    function, h = one.functions[f], float(one.h[i])
+                    yield quantity("agreement", one.about, value, 0.0, function, h, claim=AGREEMENT)
         for members in comparable_sweeps(readings).values():
             about = replace(members[0].about, eps=None, variant=members[0].about.scheme)
             for f, function in enumerate(members[0].functions):
                 largest = largest_over_eps(members, f)
-                fitted = order(about, largest.order, "uniform_order", function, members[0].expected_order)
+                fitted = order(about, largest.order, UNIFORM_ORDER, function, members[0].expected_order)
                 yield fitted._replace(lost=lost_among(largest.value + largest.stderr, "errors"))
 
     def beside(self, readings: Iterable["WeakErrors"]) -> Variables:
@@ -393,8 +409,8 @@ class WeakErrors(Stored):
         for name, formula in zip(readings[0].functions, readings[0].formulas, strict=True):
             yield f"{name} = {readable(formula, readings[0].about.variables)}"
         for one in cls.quantities_of_case(readings):
-            if one.name == "uniform_order":
-                yield f"{one.subject}, largest over eps: {order_text(one.value, one.low, one.high, one.expected)}"
+            if one.claim.is_order:
+                yield f"{one.subject}, {one.claim.further}: {order_text(one.value, one.low, one.high, one.expected)}"
         yield from dict.fromkeys(_reference(reading) for reading in readings if reading.sampled)
         for estimator, schemes in dict.fromkeys((reading.about.estimator, reading.left_out) for reading in readings):
             if schemes:

@@ -134,6 +134,14 @@ def precise(number: Any) -> mpmath.mpf:
 BracketEntry = tuple[str, int, int, BracketPolynomial]  #: key, i, j, {x_i, x_j} with its parameters as symbols
 
 
+def _times(entry: BracketPolynomial, factor: int) -> BracketPolynomial:
+    return {monomial: factor * c for monomial, c in entry.items()}
+
+
+def _are_equal(first: BracketPolynomial, second: BracketPolynomial) -> bool:
+    return all(_is_zero(sympy.sympify(first.get(m, 0)) - second.get(m, 0)) for m in {*first, *second})
+
+
 def checked(
     variables: Sequence[str],
     given: Iterable[BracketEntry],
@@ -151,17 +159,15 @@ def checked(
     formulas: dict[tuple[int, int], BracketPolynomial] = {}
     for key, i, j, symbolic in given:
         pair, sign = (min(i, j), max(i, j)), 1 if i < j else -1
-        entry = {monomial: sign * c for monomial, c in at_values(symbolic, values).items()}
+        entry = _times(at_values(symbolic, values), sign)
         if any(c.free_symbols for c in symbolic.values()):
-            formulas[pair] = {monomial: sign * c for monomial, c in symbolic.items() if monomial in entry}
-        name = "{" + f"{variables[i]}, {variables[j]}" + "}"
+            formulas[pair] = {monomial: c for monomial, c in _times(symbolic, sign).items() if monomial in entry}
+        name, opposite = ("{" + f"{variables[a]}, {variables[b]}" + "}" for a, b in ((i, j), (j, i)))
         if i == j and entry:
             raise DefinitionError(
                 f"makes {name} other than 0; a bracket is antisymmetric, leave it out", "bracket", key
             )
-        before = entries.get(pair, entry)
-        if not all(_is_zero(sympy.sympify(before.get(m, 0)) - entry.get(m, 0)) for m in {*before, *entry}):
-            opposite = "{" + f"{variables[j]}, {variables[i]}" + "}"
+        if not _are_equal(entries.get(pair, entry), entry):
             fault = f"{name} is not the opposite of {opposite}"
             raise DefinitionError(f"is not antisymmetric: {fault}; give one of them only", "bracket", key)
         entries[pair] = entry

@@ -190,8 +190,7 @@ def forms(
             name = f"{prefix}{len(lines) + 1}"
             lines.append(f"{name} = {written_sum([('+', first), numbers.times(ratio, second, False)])}")
             for row in left:
-                both = first in row and second in row
-                if both and abs(row[second] / row[first] - ratio) < _EXACT * (1 + abs(ratio)):
+                if {first, second} <= row.keys() and abs(row[second] / row[first] - ratio) < _EXACT * (1 + abs(ratio)):
                     row[name] = row.pop(first)
                     del row[second]
         for name in sorted({name for row in left for name in row}):

@@ -12,7 +12,7 @@ lose its digits.
 
 import re
 from collections import defaultdict
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -74,14 +74,19 @@ def _as_function(current: Any, sums: "_Sums") -> Callable[[np.ndarray], np.ndarr
     return of_states
 
 
+def _nearest(places: Sequence[int], length: int) -> list[float]:
+    """Places the nearest way around the ring from the first of them."""
+    return [places[0] + _way(x - places[0], length) for x in sorted(set(places))]
+
+
 def _placed(e: Any, place_of: Mapping[Any, int], length: int) -> list[tuple[Any, list[float]]]:
     """Terms of a sum with the places of their variables, the nearest way around the ring from the first."""
     if e.is_Add:
         return [pair for term in e.args for pair in _placed(term, place_of, length)]
-    at = [place_of[symbol] for symbol in place_of if symbol in e.free_symbols]
-    nearest = [at[0] + _way(x - at[0], length) for x in sorted(set(at))] if at else []
-    sums = [factor for factor in e.args if factor.is_Add] if e.is_Mul else []
-    for factor in sums:
+    nearest = _nearest([place_of[symbol] for symbol in place_of if symbol in e.free_symbols], length)
+    for factor in e.args if e.is_Mul else ():
+        if not factor.is_Add:
+            continue
         others = sympy.Mul(*(other for other in e.args if other != factor))
         parts = [pair for part in factor.args for pair in _placed(others * part, place_of, length)]
         if not others.free_symbols & place_of.keys() or max(map(_reach, parts)) < _reach((e, nearest)):

@@ -5,6 +5,7 @@ own rates a_j; in large systems it is a loop over tables of components instead. 
 these texts names what the others define.
 """
 
+import functools
 import math
 import re
 from collections.abc import Mapping, Sequence
@@ -156,14 +157,14 @@ class _Writer:
         """See :attr:`Motion.angle`."""
         single = {n for phase in self.phases for n, c in enumerate(phase) if c}
         if all(sum(bool(c) for c in phase) == 1 for phase in self.phases) and len(single) <= 8:
-            factors = {n: max(abs(phase[n]) for phase in self.phases) for n in sorted(single)}
-            terms = [self._factor(c, f"abs(a{n + 1})") for n, c in factors.items()]
-            text = terms[0] if terms else ""
-            for term in terms[1:]:
-                text = f"larger({text}, {term})"
-            return text
-        most = [max(abs(phase[n]) for phase in self.phases) for n in range(self.count)]
-        return " + ".join(self._factor(c, f"abs(a{n + 1})") for n, c in enumerate(most) if c)
+            terms = [self._most(n) for n in sorted(single)]
+            return functools.reduce(lambda text, term: f"larger({text}, {term})", terms) if terms else ""
+        return " + ".join(filter(None, map(self._most, range(self.count))))
+
+    def _most(self, n: int) -> str:
+        """Largest factor of parameter n in the angles, times its size; "" if it is in none."""
+        most = max(abs(phase[n]) for phase in self.phases)
+        return self._factor(most, f"abs(a{n + 1})") if most else ""
 
     def _factor(self, c: mpmath.mpf, factor: str) -> str:
         if abs(c - 1) < NOTHING:
@@ -482,20 +483,13 @@ class Tables:
         each += [motion([], {i: change}, logarithmic, count, self.numbers, False) for i, change in series.items()]
         rows = [self._row(made, rates) for made in each]
         moved = {i for made in each for i in made.components}
-        if (
-            len(self.numbers.constants) > before
-            or not rows
-            or not all(row and moved.isdisjoint(row.order[len(row.made.components) :]) for row in rows)
-        ):
+        apart = [row for row in rows if row and moved.isdisjoint(row.order[len(row.made.components) :])]
+        if len(self.numbers.constants) > before or not rows or len(apart) < len(rows):
             return ()
-        groups: dict[int, list[tuple[int, ...]]] = {}
-        counts = {}
-        for row in rows:
-            assert row
-            shape = self._shape(row)
-            groups.setdefault(shape, []).append(row.order)
-            counts[shape] = len(row.made.components)
-        return tuple((shape, counts[shape], tuple(orders)) for shape, orders in groups.items())
+        groups: dict[tuple[int, int], list[tuple[int, ...]]] = {}
+        for row in apart:
+            groups.setdefault((self._shape(row), len(row.made.components)), []).append(row.order)
+        return tuple((shape, count, tuple(orders)) for (shape, count), orders in groups.items())
 
     def _row(self, made: Motion, rates: Sequence[Any]) -> _Row | None:
         """A block of a motion; None if it has too many components, or one that is no variable."""

@@ -7,6 +7,7 @@ of them would be an approximation, and the flow of f takes their place if a step
 """
 
 import contextlib
+import itertools
 import math
 import re
 from collections.abc import Iterable, Sequence
@@ -97,12 +98,12 @@ def _candidates(terms: Sequence[Term], crossing: Sequence[Any], world: Symbolics
         factor, rest = split_in_time(expression, world.time)
         if links := affine_links(rest, world):
             by_factor.setdefault(factor, []).append((expression, links))
-    for found in by_factor.values():
-        for group in connected(_linked([expression for expression, _ in found], world)):
-            if len(group) > 1 or found[min(group)][0] in crossing:
-                together = [found[n] for n in sorted(group)]
-                links = [link for _, of_one in together for link in of_one]
-                groups.append(([expression for expression, _ in together], links))
+    for alike in by_factor.values():
+        for group in connected(_linked([expression for expression, _ in alike], world)):
+            if len(group) > 1 or alike[min(group)][0] in crossing:
+                together = [alike[n] for n in sorted(group)]
+                linked = itertools.chain.from_iterable(of_one for _, of_one in together)
+                groups.append(([expression for expression, _ in together], list(linked)))
     return groups
 
 

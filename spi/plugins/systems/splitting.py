@@ -315,13 +315,13 @@ def without_flow(expression: Any, reason: str, world: Symbolics) -> Flow:
 
 def commute(terms: Sequence[Term], others: Sequence[Term], bracket: Bracket) -> bool:
     """Whether all linear and quadratic functions that some terms depend on commute with those of others."""
-    first, second = ([f for term in side for f in term.functionals] for side in (terms, others))
-    if not all(bracket.commuting(f, g) for f, g in itertools.product(first, second)):
+    first, second = (list(itertools.chain.from_iterable(term.functionals for term in side)) for side in (terms, others))
+    if not all(itertools.starmap(bracket.commuting, itertools.product(first, second))):
         return False
     mine, theirs = ([u for term in side for u in term.inner.values()] for side in (terms, others))
     functions = [(u.terms, v) for u, v in itertools.product(mine, theirs)]
-    functions += [({((), (i,)): c for i, c in f.items()}, u) for f, u in itertools.product(first, theirs)]
-    functions += [({((), (i,)): c for i, c in f.items()}, u) for f, u in itertools.product(second, mine)]
+    linear = [*itertools.product(first, theirs), *itertools.product(second, mine)]
+    functions += [({((), (i,)): c for i, c in f.items()}, u) for f, u in linear]
     with mpmath.workdps(DIGITS):
         return not any(_along(function, _first([u.field])) for function, u in functions)
 

@@ -24,17 +24,21 @@ def states(spec, folder, *replaced, **options):
 
 
 def slope(t, s):
-    """The equation, mu s' = b x s + alpha (b - (s . b) s), of two spins with one bond."""
+    return slope_in(1.3 * np.array([np.cos(2 * t), np.sin(2 * t)]), s)
+
+
+def slope_in(field, s):
+    """The equation, mu s' = b x s + alpha s x (b x s), of two spins with one bond in a field (Bx, By, 0.7)."""
     d, b = np.array([0.1, 0.2, 0.3]), np.empty((2, 3))
     b[0] = s[1] + np.cross(s[1], d)
     b[1] = s[0] + np.cross(d, s[0])
-    b += 2 * np.array([1.3 * np.cos(2 * t), 1.3 * np.sin(2 * t), 0.7]) + 0.4 * s * [0, 0, 1]
-    return (np.cross(b, s) + 0.3 * (b - (s * b).sum(axis=1, keepdims=True) * s)) / 2
+    b += 2 * np.array([*field, 0.7]) + 0.4 * s * [0, 0, 1]
+    return (np.cross(b, s) + 0.3 * np.cross(s, np.cross(b, s))) / 2
 
 
-def runge_kutta(s, steps):
+def runge_kutta(s, steps, start=0.0):
     h = 1 / steps
-    for t in h * np.arange(steps):
+    for t in start + h * np.arange(steps):
         a = slope(t, s)
         b = slope(t + h / 2, s + h / 2 * a)
         c = slope(t + h / 2, s + h / 2 * b)
@@ -50,6 +54,11 @@ def test_two_spins_converge_with_order_2(spec, tmp_path, by):
         errors.append(abs(y[-1] - runge_kutta(y[0], 400)).max())
         assert abs((y**2).sum(axis=-1) - 1).max() < 1e-14
     assert errors[0] < 0.02 and 1.9 < np.log2(errors[0] / errors[1]) < 2.1
+
+
+def test_the_field_begins_at_the_initial_time(spec, tmp_path):
+    y = states(spec, tmp_path, "BY", f"by: sites, initial_time: 0.7, {FIELD}").reshape(-1, 2, 3)
+    assert abs(y[-1] - runge_kutta(y[0], 400, 0.7)).max() < 0.01 < 0.1 < abs(y[-1] - runge_kutta(y[0], 400)).max()
 
 
 def test_a_spin_in_a_rotating_field(spec, tmp_path):
@@ -107,5 +116,10 @@ def test_what_is_refused(error):
         ),
         ((*start, "{spins: random}", "{law: gibbs, temperature: 1}"), "initial.law: is 'gibbs', which is of an H that"),
         ((*start, "panels", "functions: {E: H}\npanels"), "functions.E: is 'H' (H depends on time;"),
+        (("BY", "initial_time: 1"), "model.initial_time: is 1, and no field depends on the time t; leave it out"),
+        (
+            (*start, "chain, size: [2]", "square, size: [64, 64]", "panels", "temperature: 1\npanels"),
+            "model: has 12288 Wiener processes; paths of a model that depends on time have at most 4096",
+        ),
     ]:
         assert message in error(SPEC, *replaced)

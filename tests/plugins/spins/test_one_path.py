@@ -112,7 +112,7 @@ def test_means_of_a_large_lattice_are_those_of_its_states(tmp_path, monkeypatch)
     assert plan.is_long
     found = plan.results(finished(plan)).averages
     assert threads == {loop.thread_count()}
-    states = np.array([y.copy() for n, y, _ in plan.one_path[0].along(one_path.start_of(plan), 0, 512, 2, 1, 0)])
+    states = np.array([y.copy() for n, y, _ in plan.movers[0].along(one_path.start_of(plan), 0, 512, 2, 1, 0)])
     used = SnapshotSeries.of(case, 0).used
     assert 208 <= used <= 224
     values = _known(states)[:, -used:]
@@ -131,7 +131,7 @@ def test_a_large_lattice_may_move_for_fewer_steps_than_blocks_of_paths(tmp_path)
     assert found.n.tolist() == [10] and found.casimir_worst.max() < 1e-13
     assert np.isnan(found.growth).all() and not any("correlations last" in line for line in found.remarks())
     for number, every in enumerate((1, 2)):
-        moves = plan.one_path[number].along(one_path.start_of(plan), 0, 10 * every, every, 1, 0)
+        moves = plan.movers[number].along(one_path.start_of(plan), 0, 10 * every, every, 1, 0)
         values = _known(np.array([y.copy() for _, y, *_ in moves]))[:, -8:]
         names = [("m", "e").index(name) for name in found.averages.functions]
         np.testing.assert_allclose(found.averages.average[number], values.mean(axis=1)[names], rtol=1e-11)

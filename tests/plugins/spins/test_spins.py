@@ -24,9 +24,10 @@ from spi.ensemble.protocol import (
 )
 from spi.ensemble.scheme_protocol import REPORT
 from spi.expressions import as_numpy, parse_expression
+from spi.kinds import one_path as alone
 from spi.models.delegation import thermal
 from spi.numerics.rng import LANES, draw_increments
-from spi.plugins.spins.models import Anisotropy, Spins, Terms, Transport
+from spi.plugins.spins.models import Anisotropy, Spins, Terms, Transport, whole
 from spi.plugins.spins.models.flows import NEAR, towards, towards_near, versines_of_noise
 from spi.plugins.spins.models.lattices import LATTICES, lattice
 from spi.plugins.spins.models.tables import moves
@@ -287,6 +288,21 @@ def test_one_large_lattice(by, scheme):
     assert all(np.array_equal(results[0], other) for other in results[1:])
     assert not np.array_equal(results[0], mover.moved(s.ravel(), 0, 256, 0, 8, 0)[1])
     assert abs(np.linalg.norm(results[0].reshape(-1, 3), axis=1) - 1).max() < 1e-14
+
+
+@pytest.mark.skipif(numba.config.NUMBA_NUM_THREADS < 2, reason="one thread only")
+def test_small_lattices_have_one_thread(monkeypatch):
+    """Of a step of less than 0.2 ms threads would wait for one another most of the time."""
+    used = []
+    monkeypatch.setattr(whole, "move_lattice", lambda *_: (used.append(numba.get_num_threads()), (0, 0.0))[1])
+    for length in (8, 32):
+        model = at_temperature(Spins("cubic", (length,) * 3, (Terms(1.0),), alpha=1.0, by="sites"), 1.0)
+        mover = one_path(model, of_model(SCHEMES["splitting_metropolis"], model).record, 0.5)
+        mover.moved(np.zeros(3 * length**3), 0, 16, 0, 1, 0)
+        threads = numba.get_num_threads()
+        times = threads if length == 8 else 1
+        assert alone.move_seconds(mover, 1000) == pytest.approx(1e-6 * mover.ns * times)
+    assert used == [1, threads]
 
 
 def test_schemes_that_one_lattice_does_not_have():

@@ -5,7 +5,8 @@ import random
 import re
 import tempfile
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -60,6 +61,15 @@ class Verification(NamedTuple):
         return not (self.different or self.wrong)
 
 
+def _at_random(every: Mapping[str, tuple[Plan, Chunk]], count: int, report: ReportChunk) -> dict[str, str]:
+    """Digests of the sums of so many chunks, computed again."""
+    computed = {}
+    for number, label in enumerate(sorted(random.SystemRandom().sample(sorted(every), count)), 1):
+        report(number, count, _in_words(label))
+        computed[label] = digest(sums_of_chunk(*every[label]))
+    return computed
+
+
 def verify(
     path: str | Path,
     chunks: int | None,
@@ -89,14 +99,11 @@ def verify(
         wrong += [f"{name} does not follow from the sums in {sums}" for name in names]
     if chunks is None or chunks >= len(every):
         again = _all_again(ready, len(every), report)
-        computed = {label: text for state in again for label, text in digests_of(state).items()}
+        computed = dict(chain.from_iterable(digests_of(state).items() for state in again))
         names = _differing(again, results, rounding, times=False)
         wrong += [f"{name} does not follow from its paths" for name in names]
     else:
-        computed = {}
-        for number, label in enumerate(sorted(random.SystemRandom().sample(sorted(every), chunks)), 1):
-            report(number, chunks, _in_words(label))
-            computed[label] = digest(sums_of_chunk(*every[label]))
+        computed = _at_random(every, chunks, report)
     return Verification(
         chunks=len(every),
         checked=tuple(map(_in_words, computed)),

@@ -36,12 +36,7 @@ class ChainLaw:
         if (form := polynomial(energy, len(surface.fibre))) is None:
             raise ValueError("H is not quadratic, on more than two spheres")
         self.form = self._on_spheres(*form)
-        size = max(np.abs(each).max() for each in self.form[2].values())
-        sites = range(len(self.maps))
-        near = {a: [b for b in sites if b != a and np.abs(self.form[2][a, b]).max() > 1e-12 * size] for a in sites}
-        if any(len(others) > 2 for others in near.values()):
-            raise ValueError("H couples a sphere to more than two others")
-        self.rings = _rings(near)
+        self.rings = _rings(_neighbours(self.form[2], len(self.maps)))
 
     def expectation(self, f):
         """(E f(y), an estimate of its error) of a function that takes (d, n) to (n,).
@@ -164,6 +159,15 @@ class _Transfer:
         ends = [linear[i] @ u + 0.5 * (u * (couplings[i, i] @ u)).sum(axis=0) for i in (a, b)]
         exponent = -self.beta * (0.5 * np.add.outer(*ends) + coupled * (u.T @ couplings[a, b] @ u))
         return np.exp(exponent - exponent.real.max()) * np.sqrt(np.outer(self.weights, self.weights))
+
+
+def _neighbours(quadratic, count):
+    """Spheres to which each of so many is coupled by the matrices of a quadratic H; ValueError if they are many."""
+    size, sites = max(np.abs(each).max() for each in quadratic.values()), range(count)
+    near = {a: [b for b in sites if b != a and np.abs(quadratic[a, b]).max() > 1e-12 * size] for a in sites}
+    if any(len(others) > 2 for others in near.values()):
+        raise ValueError("H couples a sphere to more than two others")
+    return near
 
 
 def _rings(near):

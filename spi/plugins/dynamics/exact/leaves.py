@@ -93,10 +93,12 @@ def leaf(model, point):
         at = P.T @ x
         if np.linalg.norm(at) > _CLOSE * np.linalg.norm(x):
             spheres.append(V @ P * np.linalg.norm(at) if len(at) > 1 else V @ P * at)
-    surface = _with_planes(
-        tuple(spheres), N, [form for form, bounds in zip(forms, bounding, strict=True) if not bounds], point
-    )
-    matrix = B @ np.append(point, 1.0)
+    planes = [form for form, bounds in zip(forms, bounding, strict=True) if not bounds]
+    return _of_full_rank(_with_planes(tuple(spheres), N, planes, point), B @ np.append(point, 1.0))
+
+
+def _of_full_rank(surface, matrix):
+    """A surface, if it has as many dimensions as the rank of the structure matrix says."""
     rank = np.linalg.matrix_rank(matrix, tol=_CLOSE * max(np.abs(matrix).max(), 1e-300))
     if rank == 0:
         raise ValueError("its surface is one state")

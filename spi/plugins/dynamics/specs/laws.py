@@ -57,13 +57,17 @@ class OfGibbs(Law):
         own, other = ("sweeps", "through") if answers(gibbs_law, model) else ("through", "sweeps")
         if other in self.model_fields_set:
             raise wrong(f"is not for the model {type(model).__qualname__}", f"leave it out, or give {own}", other)
-        if answers(gibbs_law, model):
-            sampled = model.gibbs_law(self.temperature, self.sweeps)
-            start = sampled.states(np.random.default_rng(1).standard_normal((sampled.numbers, 1)))[:, 0]
-            given = self.model_dump(exclude={"through"}) | {"sweeps": sampled.sweeps}
-            if len(start) > LONG:
-                return LongRandomState(start, sampled, given)
-            return RandomState(tuple(start.tolist()), sampled, given)
+        return self._of_model(model) if answers(gibbs_law, model) else self._on_surface(model)
+
+    def _of_model(self, model: Any) -> Any:
+        sampled = model.gibbs_law(self.temperature, self.sweeps)
+        start = sampled.states(np.random.default_rng(1).standard_normal((sampled.numbers, 1)))[:, 0]
+        given = self.model_dump(exclude={"through"}) | {"sweeps": sampled.sweeps}
+        if len(start) > LONG:
+            return LongRandomState(start, sampled, given)
+        return RandomState(tuple(start.tolist()), sampled, given)
+
+    def _on_surface(self, model: Any) -> RandomState:
         if self.through is None:
             raise wrong("missing key 'through'", "add through: a state on the Casimir surface", "through")
         surface = surface_through(model, self.through, "through")

@@ -99,6 +99,13 @@ class Head(NamedTuple):
 PLAIN = Head()
 
 
+def _check_names(paths: Sequence[Path]) -> None:
+    names = Counter(path.stem for path in paths)
+    if twice := next((name for name in names if names[name] > 1), None):
+        both = " and ".join(str(path) for path in paths if path.stem == twice)
+        raise storage.StorageError(f"{twice}: two results files have this name, {both}; report on them separately")
+
+
 def files(
     paths: Sequence[Path],
     out: Path,
@@ -118,10 +125,8 @@ def files(
     A file that cannot be read or is of an unknown kind has a line on the page in place of its results.  StorageError,
     before anything is drawn, if there is no other, or if two have one name.
     """
-    names = Counter(path.stem for path in paths)
-    if (latex_folder or data_folder) and (twice := next((name for name in names if names[name] > 1), None)):
-        both = " and ".join(str(path) for path in paths if path.stem == twice)
-        raise storage.StorageError(f"{twice}: two results files have this name, {both}; report on them separately")
+    if latex_folder or data_folder:
+        _check_names(paths)
     parts: list[_Part] = []
     problems: list[str] = []
     for path in paths:

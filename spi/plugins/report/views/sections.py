@@ -221,7 +221,7 @@ def section(path: Path, results: StoredResults, anchor: str) -> ReportSection:
         parameters=Markup(", &ensp;").join(map(typeset, views.facts(read))),
         measures=typeset(read[0].measures),
         asks=attributes.get("asks", ""),
-        answers=_answers(read),
+        answers=_answers(results, read),
         verdicts={verdict: counts[verdict] for verdict in VERDICTS} if judged else {},
         complaints=tables.complaints(judged),
         orders=_orders(by_case(read)),
@@ -241,9 +241,10 @@ def _items(results: StoredResults) -> Iterator[Titled | str]:
             yield Titled.of(item) if isinstance(item, TextTable) else item.text
 
 
-def _answers(read: Sequence[Stored]) -> Facts:
+def _answers(results: StoredResults, read: Sequence[Stored]) -> Facts:
     """Sentences that answer the question in each case, or its main quantities; of a sweep those that it shows."""
     texts = [(whole.title, sweeps.headline(whole.curves)) for whole in views.wholes(read)]
+    texts += [("", f"{line}.") for line in sweeps.crossing_lines(views.crossings_of(results, read))]
     if not texts:
         cases = by_case(read)
         each = [" ".join(case[0].answers(case)) or _headline(case) for case in cases]
@@ -260,7 +261,7 @@ def _orders(cases: Sequence[Sequence[Stored]]) -> Titled | None:
     several, rows = len(cases) > 1, []
     for title, case in zip(views.titles(cases), cases, strict=True):
         for one in orders_of(case):
-            subject = f"{one.subject}, largest over eps" if one.name == "uniform_order" else one.subject
+            subject = ", ".join(filter(None, (one.subject, one.claim.further)))
             theory = "" if math.isnan(one.expected) else fraction(one.expected)
             rows.append([StyledText(text) for text in (*[title] * several, subject, sweeps.quantity_text(one), theory)])
     headings = (*["case"] * several, "scheme", "order (95 %)", "expected")

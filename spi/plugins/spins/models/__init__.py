@@ -9,12 +9,13 @@ processes a spin, for which exp(-H/T) is stationary.  The signs are those of the
 """
 
 import math
+from itertools import chain
 from typing import Annotated, Any, Literal, NamedTuple
 
 import numpy as np
 from annotated_types import Ge, Gt, Le, Len
 
-from spi.ensemble.protocol import dimension, flow_ns, noises, pieces
+from spi.ensemble.protocol import dimension, flow_ns, noises, parameters, pieces
 from spi.models.delegation import answering_as_inner
 
 from .cells import call_of_sums
@@ -103,6 +104,7 @@ class Spins(NamedTuple):
     variables: Annotated[
         tuple[str, ...], "names of the components, by default x(1), y(1), z(1), x(2), ...; at most those of 4096 sites"
     ] = ()
+    initial_time: Annotated[float, "t of a field in time at the beginning of the experiment"] = 0.0
 
     large, in_place = True, True
     conserved, sphere_size = 1, 3
@@ -162,6 +164,10 @@ class Spins(NamedTuple):
         worst = int(np.argmax(away))
         return f"has the spin {worst + 1} of length {lengths[worst]:.6g}", "spins must have length 1"
 
+    def parameters(model):
+        """All fields, but a time only where something depends on it."""
+        return {key: value for key, value in model._asdict().items() if key != "initial_time" or is_driven(model)}
+
     def geometry(model):
         cell = model.cell
         place = {"sites": cell.sites, "vectors": cell.vectors, "fractions": cell.fractions.tolist()}
@@ -179,7 +185,7 @@ class Spins(NamedTuple):
 
     def named_numbers(model):
         """Fields that are numbers, n sites, and the numbers of a definition."""
-        numbers = {key: x for key, x in model._asdict().items() if isinstance(x, float)}
+        numbers = {key: x for key, x in parameters(model).items() if isinstance(x, float)}
         return numbers | {"n": dimension(model) // 3} | _NAMED.get(model, {})
 
     @property
@@ -229,35 +235,55 @@ class ThermalSpins(NamedTuple):
 
 
 def _fault(model):
-    cell, types = model.cell, range(len(model.cell.bonds))
+    parts = (_faults_of_lattice, _faults_of_terms, _faults_of_noise, _faults_of_bonds)
+    return next(chain.from_iterable(part(model) for part in parts), None)
+
+
+def _faults_of_lattice(model):
+    cell = model.cell
     if len(model.size) != len(cell.vectors):
-        return "size", f"has {len(model.size)} numbers", f"must have {len(cell.vectors)}, one for each vector"
+        yield "size", f"has {len(model.size)} numbers", f"must have {len(cell.vectors)}, one for each vector"
     if math.prod(model.size) * len(cell.sites) > _MOST_SITES:
         memory = 9 * 8 * 64 * math.prod(model.size) * len(cell.sites) / 2**30
-        return "size", f"has more than 2^24 spins, which take {memory:.3g} GiB", "must be smaller"
+        yield "size", f"has more than 2^24 spins, which take {memory:.3g} GiB", "must be smaller"
     for number, (first, second, shift) in enumerate(cell.bonds):
         if not (0 <= first < len(cell.sites) and 0 <= second < len(cell.sites)):
-            return "lattice", f"has bond {number} to a site that is not there", f"sites are 0 .. {len(cell.sites) - 1}"
+            yield "lattice", f"has bond {number} to a site that is not there", f"sites are 0 .. {len(cell.sites) - 1}"
         if any(shift[len(cell.vectors) :]):
-            return "lattice", f"has bond {number} along a vector that is not there", "give 0 for it"
+            yield "lattice", f"has bond {number} along a vector that is not there", "give 0 for it"
+
+
+def _faults_of_terms(model):
+    sites, types = len(model.cell.sites), range(len(model.cell.bonds))
     for number, terms in enumerate(model.bonds):
         if any(kind not in types for kind in terms.types):
-            return "bonds", f"has types that are not there in entry {number}", f"types are 0 .. {len(types) - 1}"
-    if len(np.shape(model.field)) > 1 and len(model.field) != len(cell.sites):
-        return "field", f"has {len(model.field)} vectors", f"must be one, or have {len(cell.sites)}"
+            yield "bonds", f"has types that are not there in entry {number}", f"types are 0 .. {len(types) - 1}"
+    if len(np.shape(model.field)) > 1 and len(model.field) != sites:
+        yield "field", f"has {len(model.field)} vectors", f"must be one, or have {sites}"
+    if model.initial_time and not is_driven(model):
+        yield "initial_time", f"is {model.initial_time:g}, and no field depends on the time t", "leave it out"
     if model.variables and len(set(model.variables)) != dimension(model):
-        return "variables", f"has {len(set(model.variables))} different names", f"must have {dimension(model)}"
-    if not isinstance(model.mu, float) and len(model.mu) != len(cell.sites):
-        return "mu", f"has {len(model.mu)} numbers", f"must have one, or {len(cell.sites)}"
-    if not any(model.anisotropy.axis) or (model.noise and model.noise.axis is not None and not any(model.noise.axis)):
-        return "anisotropy", "has an axis of length 0", "give a direction"
-    if model.noise and model.noise.order and sorted(model.noise.order) != [*range(noises(model))]:
-        return "noise", "has an order that does not name each Wiener process once", f"they are 0 .. {noises(model) - 1}"
-    if model.alpha > 0 and model.noise:
-        return "noise", "is given beside alpha", "leave out one of them; at a temperature noise belongs to alpha"
-    reach = 2 + 2 * max(abs(step) for _, _, shift in cell.bonds for step in shift)
+        yield "variables", f"has {len(set(model.variables))} different names", f"must have {dimension(model)}"
+    if not isinstance(model.mu, float) and len(model.mu) != sites:
+        yield "mu", f"has {len(model.mu)} numbers", f"must have one, or {sites}"
+    if not any(model.anisotropy.axis):
+        yield "anisotropy", "has an axis of length 0", "give a direction"
+
+
+def _faults_of_noise(model):
+    if not model.noise:
+        return
+    if model.noise.axis is not None and not any(model.noise.axis):
+        yield "noise", "has an axis of length 0", "give a direction"
+    if model.noise.order and sorted(model.noise.order) != [*range(noises(model))]:
+        yield "noise", "has an order that does not name each Wiener process once", f"they are 0 .. {noises(model) - 1}"
+    if model.alpha > 0:
+        yield "noise", "is given beside alpha", "leave out one of them; at a temperature noise belongs to alpha"
+
+
+def _faults_of_bonds(model):
+    reach = 2 + 2 * max(abs(step) for _, _, shift in model.cell.bonds for step in shift)
     try:  # of a small lattice, which has the same faults
-        lattice(cell, tuple(min(length, reach) for length in model.size), model.is_periodic)
+        lattice(model.cell, tuple(min(length, reach) for length in model.size), model.is_periodic)
     except ValueError as error:
-        return "lattice", f"{error}", "take a larger size, or other bonds"
-    return None
+        yield "lattice", f"{error}", "take a larger size, or other bonds"

@@ -35,7 +35,7 @@ def _tree(text: str) -> Any:
     return parse_expression(text, 1, ("t",))
 
 
-def _read(given: Any) -> float | str:
+def course(given: Any) -> float | str:
     """Number that is given, or course in its least text; the error about what is neither."""
     try:
         tree = _tree(str(given))
@@ -50,7 +50,7 @@ def _read(given: Any) -> float | str:
 
 
 #: A component of a field: a number, or a course.
-Course = Annotated[float | str, pydantic.PlainValidator(_read, json_schema_input_type=float | str)]
+Course = Annotated[float | str, pydantic.PlainValidator(course, json_schema_input_type=float | str)]
 
 
 def _operations(tree: Any) -> list[tuple[int, float]]:
@@ -176,18 +176,20 @@ class DrivenTables(NamedTuple):
     p: int
     q: int
     m: int
+    start: float  #: t at the beginning of the experiment
 
     large, in_place = True, True
     conserved, sphere_size = 1, 3
     dimension, pieces, frictions, noises = FieldOf("d"), FieldOf("p"), FieldOf("q"), FieldOf("m")
 
     @classmethod
-    def of(cls, tables: SpinTables, which: np.ndarray, texts: tuple[str, ...]) -> "DrivenTables":
+    def of(cls, tables: SpinTables, which: np.ndarray, texts: tuple[str, ...], start: float) -> "DrivenTables":
         """Record of a lattice at rest, of which the sites have these courses."""
-        return cls(tables, which, *_rows(texts), tables.sigma, tables.d, tables.p, tables.q, tables.m)
+        return cls(tables, which, *_rows(texts), tables.sigma, tables.d, tables.p, tables.q, tables.m, start)
 
     def frozen(model, begin, h):
-        return tables_of_step(model.model, model.which, model.operations, model.numbers, model.begins, begin, h)
+        courses = model.which, model.operations, model.numbers, model.begins
+        return tables_of_step(model.model, *courses, model.start + begin, h)
 
 
 @device(inline=False)

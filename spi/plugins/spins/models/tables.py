@@ -125,7 +125,8 @@ def in_kernels(model: Any, temperature: float) -> Any:
     if not texts:
         return rest
     of_cell = model.sites.of_cell
-    return DrivenTables.of(rest, which[of_cell if len(which) > 1 else np.zeros_like(of_cell)], texts)
+    of_site = which[of_cell if len(which) > 1 else np.zeros_like(of_cell)]
+    return DrivenTables.of(rest, of_site, texts, float(model.initial_time))
 
 
 @functools.lru_cache(8)

@@ -18,7 +18,7 @@ from numba import get_num_threads, prange
 from spi.compiler.dispatch import device, kernel
 from spi.compiler.pointers import in_memory
 from spi.compiler.vectors import without_refcount
-from spi.ensemble.loop import add_reports
+from spi.ensemble.loop import add_reports, limited_threads
 from spi.ensemble.scheme_protocol import DRIFT, FLOW, FRICTION, NOISE, REPORT, judges, of_arrays
 from spi.numerics.elementary import SMALL
 from spi.numerics.rng import LANES, SITES, STEPS_PER_TOSS, draw_increments, draw_words, uniform
@@ -44,6 +44,7 @@ JUDGED, ROUNDINGS = FRICTION + 1, FRICTION + 2
 _NS = {DRIFT: 5.0, FRICTION: 5.0, NOISE: 5.0, JUDGED: 60.0, ROUNDINGS: 1.0}  # of a member or site, typically
 _MOST_SITES = 2**16  # channels of the random numbers, sites of a part
 _MOST_SHARES = 64  # into which sites are divided among threads
+_NS_OF_A_THREAD = 2e5  # of a step on one thread: to wake another one for less takes longer than its share
 
 
 class Program(NamedTuple):
@@ -147,6 +148,11 @@ class WholeLattice(NamedTuple):
         return LANES * float(sum(_NS[kind] * count for kind, count in each[1 if program.joined else 0 :]))
 
     @property
+    def most_threads(self) -> int:
+        """Number of threads from which on further ones do not help."""
+        return 1 + int(self.ns / _NS_OF_A_THREAD)
+
+    @property
     def calls(self) -> tuple[tuple[Any, tuple[Any, ...]], ...]:
         """:attr:`call`, and that of the kernel that copies states."""
         nothing = np.empty(0)
@@ -162,7 +168,8 @@ class WholeLattice(NamedTuple):
 
         A drift between judged noises conserves H and is accepted without being judged, which the report counts as such.
         """
-        accepted, angle = move_lattice(*self._arguments(y, first, steps, seed, path))
+        with limited_threads(self.most_threads):
+            accepted, angle = move_lattice(*self._arguments(y, first, steps, seed, path))
         members, flows = np.diff(self.model.first), self.program.flows
         turns = steps * 3 * LANES * int(members[flows["k"][flows["kind"] == JUDGED]].sum())
         found = dict.fromkeys(REPORT, 0.0) | {"largest_angle": angle if angle > SMALL else 0.0}

@@ -308,10 +308,9 @@ def choose(
     """
     steps = steps or range(len(measured.mean) - 1)  # one level more is for the check
     most, choices = max(steps), []
-    for levels in allowed:
-        if levels and len(exponents) <= levels:
-            continue
-        for base in bases or [step for step in steps if step < measured.last]:
+    bases = bases or [step for step in steps if step < measured.last]
+    for levels in (levels for levels in allowed if not levels or levels < len(exponents)):
+        for base in bases:
             for finest in [step for step in steps if step > base + levels]:
                 bias = float(bound(measured, exponents, levels, finest, base).max())
                 if bias <= BIAS_SHARE * accuracy or finest == most:
@@ -321,9 +320,8 @@ def choose(
                     choices.append(choice._replace(work=work if math.isfinite(work) else math.inf))
                     break
     good = [choice for choice in choices if choice.bias <= BIAS_SHARE * accuracy]
-    if good:
-        return min(good, key=lambda choice: (choice.work, choice.finest))
-    return min(choices, key=lambda choice: (choice.bias, choice.work))
+    least = min(good, key=lambda choice: (choice.work, choice.finest), default=None)
+    return least or min(choices, key=lambda choice: (choice.bias, choice.work))
 
 
 def allocation(

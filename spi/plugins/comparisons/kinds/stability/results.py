@@ -24,6 +24,7 @@ GROWTH = 2.0  #: of the largest |y|, compared with that at the smallest step siz
 
 
 _SMALL, _LARGE = Claimed("at most", infinite=True), Claimed("at least", infinite=True)
+_FINITE = _LARGE._replace(none_diverged=1.0)
 
 
 class CasimirErrors(Described):
@@ -120,7 +121,7 @@ class Stability(Stored):
 
     values: Array = axis("value of the swept parameter", name="value")
     h: Array = axis("step size", "time")
-    finite: Array = array("value h", "fraction of the paths that are finite at the final time", claim=_LARGE)
+    finite: Array = array("value h", "fraction of the paths that are finite at the final time", claim=_FINITE)
     largest_norm: Array = array("value h", "largest |y| over paths and times, relative to |y_0|", claim=_SMALL)
     error: Array = array("value h", "root mean square error at the final time, relative to |y_0|", claim=_SMALL)
     error_stderr: Array = array("value h", "standard error of the error")

@@ -12,7 +12,7 @@ from spi.kinds.weak.results import cannot_do
 from spi.printing.tables import Column, OwnTable, StyledText, Table, TextTable
 from spi.printing.text import duration, readable, short
 from spi.storage.records import Order
-from spi.storage.stored import Array, Claimed, Stored, array, axis, derived, fact
+from spi.storage.stored import DIVERGED, Array, Claimed, Stored, array, axis, derived, fact
 
 #: The panels of the figure.
 PANELS = ("errors", "casimirs")
@@ -185,7 +185,7 @@ class WorkPrecision(Stored):
         claim=Claimed("at most", infinite=True),
         default=None,
     )
-    nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim="at most", default=None)
+    nonfinite: Array | None = array("h", "diverged paths (NaN or infinity)", claim=DIVERGED, default=None)
     ns_per_step: Array = array("h", "time of a step and path, by the median", "ns")
     seconds_per_path: Array = array("h", "processor time of a path, the median of the repeats", "s")
     seconds_per_path_low: Array = array("h", "lower quartile of the processor time of a path", "s")

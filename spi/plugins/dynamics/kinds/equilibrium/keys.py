@@ -145,7 +145,7 @@ reference: exact
             raise wrong("missing key 'functions'", right, "functions")
         functions = with_others(self, self.functions) or {"H": "H"}
         for name, text in functions.items():
-            check_function(self, name, text)
+            check_function(self, name, text, timeless="means are over time; statistics has means at each time")
         if both := self.derived.keys() & functions.keys():
             raise wrong("is the name of a function", "take another name", "derived", min(both))
         numbers = numbers_of(self)

@@ -11,7 +11,7 @@ from spi.printing.tables import Column, Table
 from spi.printing.text import HEAVY, decimal, interval_text, short
 from spi.statistics.estimators import few_carry
 from spi.storage.records import INTERVAL, Order, in_standard_errors, student
-from spi.storage.stored import Array, Claimed, Described, array, axis, derived, fact, nested
+from spi.storage.stored import CLAIMED_ORDER, Array, Claimed, Described, array, axis, derived, fact, nested
 
 #: The panels of the figure.
 PANELS = ("means", "histogram", "autocorrelation", "heat", "derived", "acceptance", "growth")
@@ -37,12 +37,15 @@ def batches_of(values: int) -> int:
     return BATCHES if values >= FEW else 4 if values >= 8 else 2
 
 
+_NAMED = Claimed("equal", is_named=True)
+
+
 class DerivedQuantities(Described):
     """Quantities that follow from means of functions."""
 
     quantities: tuple[str, ...] = axis("quantity", name="quantity", column="{}")
     formulas: tuple[str, ...] = fact("what the quantities are")
-    value: Array = array("h quantity", "quantity that follows from means", name="derived", claim="equal")
+    value: Array = array("h quantity", "quantity that follows from means", name="derived", claim=_NAMED)
     stderr: Array = array("h quantity", "standard error of the quantity", name="derived_stderr")
 
 
@@ -82,7 +85,7 @@ class Averages(Described):
     reference_stderr: Array = array("function", "standard or numerical error of the reference")
     reference_variance: Array = array("function", "exact variance; NaN where not known")
     quantities: DerivedQuantities | None = nested(default=None)
-    order: tuple[Order, ...] = array("function", "order in the step size of the bias of the mean")
+    order: tuple[Order, ...] = array("function", "order in the step size of the bias of the mean", claim=CLAIMED_ORDER)
     constant: Array = array("function", "C in bias = C h^p with the fitted order p; NaN where not fitted")
     lag: Array = axis("time between two values", "time")
     correlation: Array = array("h function lag", "autocorrelation", formula="Cov(f(y_t), f(y_(t+s))) / Var f")

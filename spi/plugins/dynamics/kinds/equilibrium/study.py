@@ -59,7 +59,7 @@ class EquilibriumPlan(LongPlan):
     def cost(self) -> PartCost:
         """Also of looking at one large lattice, and the memory of recorded values of many paths."""
         cost, count = super().cost(), len(self.case.functions)
-        if self.one_path:
+        if self.movers:
             looks = len(self.case.steps) * self.case.last_time / self.case.between
             return cost._replace(seconds=cost.seconds + 1e-9 * looks * alone.look_ns(self.case, count))
         return cost._replace(bytes=cost.bytes + count * 2**21 * min(-(-self.case.samples // LANES), CHUNK_BLOCKS))

@@ -4,8 +4,6 @@ from typing import ClassVar, Self
 
 import pydantic
 
-from spi.compiler.dispatch import answers
-from spi.ensemble.protocol import one_path
 from spi.specs.cases import CLIP, BaseCase
 from spi.specs.checks import check_distinct, check_schemes
 from spi.specs.keys import Samples, Schemes, Steps, condition, key_of, wrong
@@ -33,8 +31,7 @@ class LongCase(BaseCase):
 
     @property
     def in_parts(self) -> bool:
-        alone = self.samples == 1 and not self.truncate_noise and not self.driver and answers(one_path, self.model)
-        return alone and all(one_path(self.model, self.row(name).record, self.steps[0]) for name in self.schemes)
+        return self.samples == 1 and self.can_share_one(self.steps[0])
 
     def check_time(self) -> None:
         """Raise the error about the time or the number of steps."""

@@ -9,7 +9,7 @@ from spi.kinds.blocks import Acceptance, Solver
 from spi.printing.tables import Column, Table
 from spi.printing.text import decimal, power_of_two, short
 from spi.storage.records import in_standard_errors
-from spi.storage.stored import WIDEST, Array, Claimed, Stored, array, axis, derived, fact
+from spi.storage.stored import DIVERGED, WIDEST, Array, Claimed, Stored, array, axis, derived, fact
 
 _WORST = Claimed("at most", infinite=True)
 #: Growth and bias of the errors.
@@ -38,12 +38,12 @@ class LongRecord(Stored):
     casimir_rms: Array = array("h n casimir", "root mean square error of the Casimir")
     casimir_worst: Array = array("h n casimir", "largest modulus of the error of the Casimir", claim=_WORST)
     casimir_one: Array = array("h n casimir", "error of the Casimir on path 0")
-    nonfinite: Array = array("h", "diverged paths (NaN or infinity)", claim="at most")
+    nonfinite: Array = array("h", "diverged paths (NaN or infinity)", claim=DIVERGED)
     growth: Array = array(
         "h casimir",
         "growth of the error; NaN where not fitted",
         formula="p in rms = C n^p",
-        claim=Claimed("equal", widest=WIDEST),
+        claim=Claimed("equal", widest=WIDEST, ends=".3f", is_fit=True),
     )
     growth_low: Array = array("h casimir", "lower end of the 95 % interval of the growth")
     growth_high: Array = array("h casimir", "upper end of the 95 % interval of the growth")

@@ -15,10 +15,10 @@ import numpy as np
 from spi.ensemble import loop
 from spi.ensemble.areas import fourier_terms
 from spi.ensemble.observer import casimirs_of_states, growth, state_recorder
-from spi.ensemble.protocol import casimirs, conserved, one_path
+from spi.ensemble.protocol import casimirs, conserved
 from spi.kinds import one_path as alone
 from spi.kinds.blocks import paths_moved, reported
-from spi.kinds.plans import Done, KernelCall, PartCost, Plan, State
+from spi.kinds.plans import Done, KernelCall, PartCost, State
 from spi.numerics.rng import LANES, STEPS_PER_TOSS
 from spi.numerics.types import Array
 from spi.schemes import typical_ns
@@ -33,26 +33,11 @@ CHUNK_BLOCKS = 16  #: which are integrated from the first step to the last toget
 
 
 @dataclass(frozen=True, kw_only=True)
-class LongPlan(Plan):
+class LongPlan(alone.LatticePlan):
     """Very many steps of one scheme, with one step size after the other; the case is a ``LongCase``."""
 
     sums: ClassVar[type[LongPaths]] = LongPaths
     by_path: ClassVar[tuple[str, ...]] = ("casimir",)  #: the fields in which the paths stand along the last axis
-
-    @functools.cached_property
-    def one_path(self) -> tuple[Any, ...]:
-        """Movers of a single path of each step size, where threads share its state; otherwise none."""
-        return tuple(one_path(self.case.model, self.scheme, h) for h in self.case.steps) if self.case.in_parts else ()
-
-    @functools.cached_property
-    def is_long(self) -> bool:
-        """Whether functions are evaluated state by state, while one large lattice moves."""
-        return alone.is_long(self.case)
-
-    @property
-    def model(self) -> Any:
-        """Record of the model for kernels, of one large lattice that of a part."""
-        return self.one_path[0].model if self.is_long else super().model
 
     @functools.cached_property
     def _start(self) -> Array:
@@ -62,7 +47,7 @@ class LongPlan(Plan):
     @property
     def lanes(self) -> int:
         """States that stand together in an array."""
-        return 1 if self.one_path else LANES
+        return 1 if self.movers else LANES
 
     @functools.cached_property
     def records(self) -> Array:
@@ -118,9 +103,9 @@ class LongPlan(Plan):
     def cost(self) -> PartCost:
         """Steps of paths, seconds of one thread at typical speed, and bytes of memory."""
         steps = sum(self.case.counts)
-        if self.one_path:
-            seconds = 1e-9 * sum(n * mover.ns for n, mover in zip(self.case.counts, self.one_path, strict=True))
-            return PartCost(steps, seconds, alone.bytes_of(self.case))
+        if self.movers:
+            seconds = map(alone.move_seconds, self.movers, self.case.counts)
+            return PartCost(steps, sum(seconds), alone.bytes_of(self.case))
         blocks = -(-self.case.samples // LANES)
         steps *= paths_moved(self.model, self.case.samples)
         idle = loop.thread_count() / min(loop.thread_count(), blocks)  # a block cannot be shared
@@ -154,15 +139,13 @@ class LongPlan(Plan):
     def _states_at_start(self, batch: Batch) -> Array:
         """(blocks, d * LANES): states of a batch before their first step."""
         first, blocks = batch.first, batch.blocks
-        if self.one_path:
+        if self.movers:
             return self._start[np.newaxis].repeat(blocks, axis=0) if blocks else np.empty((0, len(self.initial)))
         times = loop.grid(self.case.steps[batch.path_set], 1)
         return loop.states_at(self.initial, self.scheme, self.model, times, blocks, self.stream, first)[:, 0]
 
     def kernel_calls(self) -> list[KernelCall]:
         """One step of the first block, or of the one path."""
-        if self.one_path:
-            return alone.kernel_calls(self.case, self.one_path[0])
         return self.calls_of_a_step(loop.grid(self.case.steps[0], 1, truncate=self.case.clipping), self.stream)
 
     def advance(self, chunks: Sequence[Chunk], started: Any) -> Iterator[list[tuple[Chunk, Any]]]:
@@ -172,7 +155,7 @@ class LongPlan(Plan):
             paths: Any = started if begun else self.at_start(chunk.batch)
             paths = paths._replace(wanted=chunk.paths)
             started = None
-            shared = loop.thread_count() if self.one_path else chunk.blocks
+            shared = loop.thread_count() if self.movers else chunk.blocks
             with loop.limited_threads(shared):  # a thread without a block would wait in a busy loop
                 until = time.perf_counter() + loop.BATCH_SECONDS
                 while not paths.paths:
@@ -202,8 +185,8 @@ class LongPlan(Plan):
         The batch has the states y after n steps and takes `steps` more; for 0 as `every` nothing is stored.
         """
         h, case = self.case.steps[batch.path_set], self.case
-        if self.one_path:
-            stored, last, report = self.one_path[batch.path_set].moved(y[0], n, steps, every, int(self.stream.seed), 0)
+        if self.movers:
+            stored, last, report = self.movers[batch.path_set].moved(y[0], n, steps, every, int(self.stream.seed), 0)
             stored = np.concatenate([y, stored])[np.newaxis] if every else np.empty((1, 0, len(last)))
             return stored, last[np.newaxis, np.newaxis], report[np.newaxis]
         terms = fourier_terms(self.model, [self.scheme], h, areas=case.areas)
@@ -228,14 +211,14 @@ class LongPlan(Plan):
         """Paths of a chunk at a stop, and their states (d, paths)."""
         before, every = int(paths.n), self.every(chunk.path_set, stop)
         stored, rows, report = self.integrated(chunk.batch, paths.y, before, stop - before, every)
-        y, (states,) = rows[:, 0], rows[:, 0].T[np.newaxis] if self.one_path else loop.paths_of(rows, len(self.initial))
+        y, (states,) = rows[:, 0], rows[:, 0].T[np.newaxis] if self.movers else loop.paths_of(rows, len(self.initial))
         paths = paths._replace(n=stop, y=y, report=loop.add_reports(paths.report, report))
         return self.looked(chunk, paths, before, stored) if every else paths, states
 
     def _moved_alone(self, chunk: Chunk, paths: Any, stop: int) -> tuple[Any, Array]:
         """One large lattice at a stop, which is looked at while it moves, and its state (d, 1)."""
         number, before, y, report = chunk.path_set, int(paths.n), paths.y[0], paths.report
-        every, mover, looks = self.every(number, stop), self.one_path[number], list[Array]()
+        every, mover, looks = self.every(number, stop), self.movers[number], list[Array]()
         for n, state, added in mover.along(y, before, stop - before, every, int(self.stream.seed), 0):
             y, report = state, loop.add_reports(report, added)
             looks += self.look(number, n, y)
@@ -269,7 +252,7 @@ class LongPlan(Plan):
             first, now = (alone.casimirs(self.case, y) for y in (self._start[:, np.newaxis], states))
         else:
             now = casimirs_of_states(self.model, states)
-            if self.one_path:  # whose law draws one state and no block of them
+            if self.movers:  # whose law draws one state and no block of them
                 first = casimirs_of_states(self.model, self._start[:, np.newaxis])
             else:
                 first = self.initial_casimirs(block, -(-states.shape[1] // LANES))[:, : states.shape[1]]

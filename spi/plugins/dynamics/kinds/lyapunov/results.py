@@ -12,7 +12,7 @@ from spi.printing.text import short, with_interval
 from spi.statistics.claims import lost_among
 from spi.statistics.estimators import RESOLVED
 from spi.storage.records import student
-from spi.storage.stored import Array, Claimed, Stored, array, axis, derived, fact, nested
+from spi.storage.stored import DIVERGED, Array, Claimed, Stored, array, axis, derived, fact, nested
 
 #: The panels of a figure.
 PANELS = ("lyapunov", "pullback")
@@ -93,7 +93,7 @@ class Exponents(Stored):
     )
     energy_change_stderr: float | None = fact("standard error of this change", "energy", default=None)
     change: float = fact("largest factor, or its inverse, by which a vector changed before it was scaled")
-    nonfinite: int = fact("diverged paths (NaN or infinity)", claim="at most")
+    nonfinite: int = fact("diverged paths (NaN or infinity)", claim=DIVERGED)
     step: float = fact("step size", "time")
     samples: int = fact("number of paths", column=True)
     ns_per_step: float = fact("time of a step and path, that of its near paths included", "ns")

@@ -123,9 +123,10 @@ class Columns(NamedTuple):
         """A function at the times of the statistics, (blocks, T, LANES)."""
         every = len(self.places) == self.stored
         with np.errstate(all="ignore"):
+            t = self.between * np.arange(self.stored)[:, np.newaxis]
             if not function.functional:
-                return function.values(states if every else states[:, :, self.places])
-            values = np.broadcast_to(function.values(states), states.shape[1:])
+                return function.at(states, t) if every else function.at(states[:, :, self.places], t[self.places])
+            values = np.broadcast_to(function.at(states, t), states.shape[1:])
             return function.along(values, self.between)[:, self.places]
 
 
@@ -152,7 +153,7 @@ class Unchanged(NamedTuple):
         each, steps, count = columns.functions, case.t / case.step, len(columns.functions)
         change, origins = estimated.changes()[:count], columns.origins
         of_values = np.array([[not function.conditions] for function in each])
-        slope = np.array([[_slope(*pair, case.initial)] for pair in zip(each, origins[:, 0], strict=True)])
+        slope = np.array([[_slope(*pair, case)] for pair in zip(each, origins[:, 0], strict=True)])
         size = np.maximum(np.maximum(slope, np.abs(origins)), np.abs(estimated.mean[:count] + origins))
         kept = np.array([[function.is_casimir] for function in each])
         small = is_rounding(change, size, steps) & of_values & ~sure
@@ -186,9 +187,11 @@ class Unchanged(NamedTuple):
 _FLAT = 1e-8  # change of a function, by its size, where the state changes by its own
 
 
-def _slope(function: PathFunction, origin: float, initial: Any) -> float:
+def _slope(function: PathFunction, origin: float, case: Any) -> float:
     """How much a function changes where the state changes by its size."""
-    return 0.0 if function.conditions else size_of_values(lambda y: function.values(y) - origin, initial)
+    if function.conditions:
+        return 0.0
+    return size_of_values(lambda y: function.at(y, case.final_time) - origin, case.initial)
 
 
 class Bins(NamedTuple):

@@ -12,6 +12,7 @@ from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, geometry
 from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, function_of
+from spi.models.delegation import depends_on_time
 from spi.plugins import lacking
 from spi.plugins.dynamics.kinds.references import EXACT, STATIONARY, curve
 from spi.plugins.dynamics.statistics.quantiles import EDGES
@@ -140,6 +141,14 @@ class Correlated(Keys):
 
     def check(self, case: Any) -> None:
         """Raise the error about a key that does not go with the case."""
+        if depends_on_time(case.model):
+            fault = "is for paths whose law does not change, and the model depends on time"
+            raise wrong(fault, "leave it out; autocorrelation names a first time", "time_correlations")
+        for name, function in zip(case.functions, case.path_functions, strict=True):
+            if function.start is not None:
+                raise wrong(
+                    "names t, and time_correlations average over times", "leave out one of them", "functions", name
+                )
         between, last = case.stride * case.step, float(case.t[-1])
         if case.times or round(self.until / between) < 2 or self.until > last:
             right = f"must be between {quantity(2 * between)} and {quantity(last)}; leave out times, use every"

@@ -7,10 +7,23 @@ falls as a power of dt of at least 1, and shows in looks twice as far apart.
 """
 
 from collections.abc import Callable, Sequence
-from typing import NamedTuple
+from functools import partial
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from spi.compiler.inlining import uncompiled
+from spi.ensemble.protocol import (
+    dimension,
+    frozen,
+    in_kernels,
+    large,
+    noise_gradient,
+    noise_indices,
+    strengths,
+)
+from spi.models.delegation import depends_on_time
 from spi.numerics.rng import LANES
 from spi.numerics.types import Array
 
@@ -22,6 +35,19 @@ _TOGETHER = 64, 512  # states of which a rate is the mean: the fewest and the mo
 _GROUPS = 32  # of states, at least, where there are enough
 _TIMES = 32  # that each state is moved, with other noise: an error of 1 % of sigma were one of 0.2 % of shares
 _NEVER = 1e-9  # a probability that is none
+_PARTS = 64  # of the looks, in each of which noise that depends on time is measured
+
+
+def noise_depends_on_time(model: Any) -> bool:
+    """Whether the noises of a model, or their strengths, change with time; of arrays only strengths are looked at."""
+    if not depends_on_time(model):
+        return False
+    y = tuple(np.random.default_rng(7).uniform(0.5, 1.0, 0 if large(model) else dimension(model)).tolist())
+    with uncompiled():
+        each = [frozen(in_kernels(model), t, 0.0) for t in (0.0, 0.3, 1.1)]
+        noises = [() if large(model) else tuple(noise_gradient(one, k, y) for k in noise_indices(one)) for one in each]
+    now = [(tuple(strengths(one)), of_state) for one, of_state in zip(each, noises, strict=True)]
+    return any(other != now[0] for other in now[1:])
 
 
 class Distances(NamedTuple):
@@ -71,11 +97,46 @@ class Distances(NamedTuple):
         return np.interp(values, self.value, self.distance) + beyond
 
 
+class InTime(NamedTuple):
+    """Distances where the noise depends on time: those of each part of the looks."""
+
+    parts: tuple[Distances | None, ...]
+    ends: Array  #: the number of the look behind each part
+
+    @classmethod
+    def measured(
+        cls, condition: Callable[[Array], Array], states: Array, step: Callable[..., Array], h: float, between: float
+    ) -> "InTime":
+        """:meth:`Distances.measured` of the states (d, blocks, looks, LANES) of each part, by steps at its middle."""
+        looks = states.shape[2]
+        ends = np.linspace(0, looks, min(looks, _PARTS) + 1).round().astype(int)
+        parts = []
+        for begin, end in pairwise(ends.tolist()):
+            some = partial(step, start=between * max(0.0, 0.5 * (begin + end) - 1.0))
+            parts.append(Distances.measured(condition, states[:, :, begin:end], some, h))
+        return cls(tuple(parts), ends[1:])
+
+    def products(self, before: Array, after: Array, looks: Array, every: int) -> Array:
+        """Products of the distances of values (blocks, n, LANES) before and at looks with these numbers.
+
+        The square of the noise is its mean over the `every` looks in between.
+        """
+        inverse = np.zeros(after.shape)
+        for back in range(every):
+            part = np.searchsorted(self.ends, np.maximum(looks - back, 0), "right")
+            for p in np.unique(part):
+                here = self.parts[p]
+                if here is not None:
+                    at = part == p
+                    inverse[:, at] += 1.0 / (every * here.of(before[:, at]) * here.of(after[:, at]))
+        return np.asarray(1.0 / inverse)
+
+
 class LookTimes(NamedTuple):
     """How the paths of a case are looked at."""
 
     between: float  #: time between two looks
-    distances: tuple[Distances | None, ...]  #: of each condition; None where nothing moves it between two looks
+    distances: tuple[Distances | InTime | None, ...]  #: of each condition; None where nothing moves it between looks
     random: bool  #: whether there is noise; without it a crossing lies between two looks by a straight line
 
     def passed(self, values: Sequence[Array], every: int) -> Array:
@@ -88,19 +149,28 @@ class LookTimes(NamedTuple):
         passed = np.empty(known[0].shape)
         for first in range(min(every, known[0].shape[1])):
             some = [np.concatenate((each[:, :1], each[:, first::every]), axis=1) for each in known]
-            gaps = np.full((some[0].shape[1] - 1, 1), every * self.between)
-            gaps[0] = first * self.between
-            passed[:, first::every] = _passed([self._crossed(each, gaps, k) for k, each in enumerate(some)])[:, 1:]
+            looks = np.arange(first, known[0].shape[1], every)
+            crossed = [self._crossed(each, looks, every, k) for k, each in enumerate(some)]
+            passed[:, first::every] = _passed(crossed)[:, 1:]
         return passed
 
-    def _crossed(self, values: Array, gaps: Array, k: int) -> Array:
-        """(blocks, looks, LANES): the probability that condition k has been met since the look before it."""
+    def _crossed(self, values: Array, looks: Array, every: int, k: int) -> Array:
+        """(blocks, looks, LANES): the probability that condition k has been met since the look before it.
+
+        `looks` are the numbers of the looks, which are `every` apart, but for that at 0 before them.
+        """
+        gaps = np.full((len(looks), 1), every * self.between)
+        gaps[0] = looks[0] * self.between
         before, after = values[:, :-1], values[:, 1:]
         between, distances = np.zeros(after.shape), self.distances[k]
         with np.errstate(all="ignore"):
             if distances is not None:
-                away = distances.of(values)
-                between = np.exp(-2.0 * away[:, :-1] * away[:, 1:] / np.maximum(gaps, 1e-300))
+                if isinstance(distances, InTime):
+                    product = distances.products(before, after, looks, every)
+                else:
+                    away = distances.of(values)
+                    product = away[:, :-1] * away[:, 1:]
+                between = np.exp(-2.0 * product / np.maximum(gaps, 1e-300))
                 between[between < _NEVER] = 0.0
             since = np.where((before > 0) | (after > 0), 1.0, between)
         crossed = np.concatenate((values[:, :1] > 0, since), axis=1)

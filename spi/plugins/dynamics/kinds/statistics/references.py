@@ -19,14 +19,14 @@ from spi.plugins.dynamics.kinds.references import EXACT, STATIONARY, References,
 from spi.specs.names import named_in
 
 _ACCURACY = 1e-6  # numerical error that exact expectations may have
-_OF_PATH = "that is known of functions of the state, not of the path"
+_OF_PATH = "that is known of functions of the state, not of the path or of time"
 _DAMPED = "that is known on a Casimir surface, which paths leave with damping"
 
 
 def _unsolved(case: Any, name: str) -> str | None:
     """The reason why the mean of a function is not known without sampling; None if it is known."""
     function = function_of(case, case.functions[name])
-    if function.functional:
+    if function.functional or function.start is not None:
         return _OF_PATH
     if case.noise is not None:
         return "that is known where Brownian motion drives"
@@ -48,7 +48,8 @@ def _unsolved(case: Any, name: str) -> str | None:
 
 def _not_stationary(case: Any, name: str) -> str | None:
     """The reason why no stationary law is known; None if it is."""
-    if function_of(case, case.functions[name]).functional:
+    function = function_of(case, case.functions[name])
+    if function.functional or function.start is not None:
         return _OF_PATH
     if case.damping:
         return _DAMPED

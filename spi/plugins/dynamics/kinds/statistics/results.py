@@ -11,7 +11,7 @@ from spi.printing.text import HEAVY, decimal, interval_text, joined, short
 from spi.statistics.claims import lost_among
 from spi.statistics.estimators import few_carry
 from spi.storage.records import in_standard_errors
-from spi.storage.stored import Array, Claimed, Described, Stored, array, axis, derived, fact, nested
+from spi.storage.stored import DIVERGED, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
 #: What a figure can show: of each function its mean, ..., and behind them matrices of correlations, and maps.
 OF_LATTICES = ("structure", "spreading")
@@ -26,13 +26,15 @@ _MOST_TIMES, _MOST_WAVE_VECTORS = 6, 17  # that a table shows
 
 
 _KNOWN = Claimed("equal", lost="lost")
+_MEAN = _KNOWN._replace(expected="reference", symbol=r"\mathrm{E}\,")
+_VARIANCE = _KNOWN._replace(symbol=r"\mathrm{Var}\,")
 
 
 class Quantiles(Described):
     """Quantiles of the paths whose value is finite, from counts in bins that suit the law of the first paths."""
 
     level: Array = axis("probability of the quantile", column="{:g}-quantile")
-    quantile: Array = array("function t level", "quantile", claim=_KNOWN)
+    quantile: Array = array("function t level", "quantile", claim=_KNOWN._replace(ends=".4g"))
     quantile_low: Array = array("function t level", "lower end of its 95 % interval, the bin included")
     quantile_high: Array = array("function t level", "upper end of its 95 % interval, the bin included")
 
@@ -175,9 +177,7 @@ class Statistics(Stored):
     functions: tuple[str, ...] = axis("function", name="function")
     texts: tuple[str, ...] = fact("what the functions are")
     t: Array = axis("time", "time")
-    mean: Array = array(
-        "function t", "mean over the paths", formula="E phi(y(t))", claim=_KNOWN._replace(expected="reference")
-    )
+    mean: Array = array("function t", "mean over the paths", formula="E phi(y(t))", claim=_MEAN)
     mean_stderr: Array = array("function t", "standard error of the mean; NaN where it is not known")
     band: Array = array("function", "standard errors in half the width of a band that holds all means with 95 %")
     mean_low: Array | None = array("function t", "lower end of the 95 % interval of the mean", default=None)
@@ -190,7 +190,7 @@ class Statistics(Stored):
         "function t", "kurtosis, from the standard error of the variance; NaN of constants and passages", default=None
     )
     passages: Passages | None = nested(prefix="passage_", default=None)
-    variance: Array | None = array("function t", "variance over the paths", claim=_KNOWN, default=None)
+    variance: Array | None = array("function t", "variance over the paths", claim=_VARIANCE, default=None)
     variance_stderr: Array | None = array("function t", "standard error of the variance", default=None)
     covariance: Array | None = array("function other t", "covariance of two functions", default=None)
     covariance_stderr: Array | None = array("function other t", "standard error of the covariance", default=None)
@@ -220,7 +220,7 @@ class Statistics(Stored):
     difference_stderr: Array | None = array("function t", "standard error of the difference", default=None)
     acceptance: Acceptance | None = array("", "how often flows were accepted", default=None)
     panels: tuple[str, ...] = fact("what the figure of the case shows", default=PANELS)
-    nonfinite: int = fact("diverged paths (NaN or infinity)", claim="at most")
+    nonfinite: int = fact("diverged paths (NaN or infinity)", claim=DIVERGED)
     step: float = fact("step size", "time")
     samples: int = fact("number of paths", column=True)
     ns_per_step: float = fact("time of a step and path, statistics included", "ns")

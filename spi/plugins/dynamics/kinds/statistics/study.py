@@ -40,7 +40,7 @@ from .estimates import (
     quantiles,
     simultaneous,
 )
-from .passages import Distances, LookTimes, corrected
+from .passages import Distances, InTime, LookTimes, corrected, noise_depends_on_time
 from .references import REFERENCES, reference_formulas, seconds_of_means
 from .results import LEAST_GROUPS, PANELS, Statistics
 
@@ -151,8 +151,13 @@ class StatisticsPlan(SampledPlan):
         step = partial(one_step, self.scheme, self.model, h)
         y = self._pilot_states if each else np.zeros((0, 0))
 
-        def measured(condition: Callable[[np.ndarray], np.ndarray]) -> Distances | None:
-            return Distances.measured(condition, self.columns.states(y), step, h)
+        in_time = bool(each) and noise_depends_on_time(self.case.model)
+
+        def measured(condition: Callable[[np.ndarray], np.ndarray]) -> Distances | InTime | None:
+            states = self.columns.states(y)
+            if in_time:
+                return InTime.measured(condition, states, step, h, self.columns.between)
+            return Distances.measured(condition, states, step, h)
 
         return [LookTimes(self.columns.between, tuple(map(measured, conditions)), True) for conditions in each]
 
@@ -411,7 +416,9 @@ class StatisticsPlan(SampledPlan):
         """(F, T) where all paths have the same value by what the function is, or because nothing is random."""
         case, functions = self.case, self.columns.functions
         random = isinstance(self.initial, RandomState)
-        always = np.array([[function.is_constant or not self.is_random] for function in functions])
+        always = np.array(
+            [[function.is_constant or function.is_of_time or not self.is_random] for function in functions]
+        )
         at_start = np.array([[function.functional == "start"] for function in functions]) | (case.t == 0)
         return always | (at_start & (not random))
 

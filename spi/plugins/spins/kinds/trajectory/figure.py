@@ -108,7 +108,8 @@ def _loops(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.P
     """The mean of the spins along the field over the field, for the first component of it that depends on time."""
     for one in readings:
         field = np.reshape(np.array(one.about.parameters["field"], object).astype(str), (-1, 3))[0]
-        component, b = next((c, b) for c, text in enumerate(field) if np.ptp(b := _course(text, one.t)) > 0)
+        t = one.t + float(one.about.parameters.get("initial_time", 0.0))
+        component, b = next((c, b) for c, text in enumerate(field) if np.ptp(b := _course(text, t)) > 0)
         x = "xyz"[component]
         m = one.y.reshape(len(one.t), -1, 3)[..., component].mean(axis=1)
         look = {"color": "#0072B2", "linewidth": 1.0}
