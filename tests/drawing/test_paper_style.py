@@ -143,7 +143,7 @@ def test_a_height_without_room_for_the_panels_is_refused_with_what_they_need(tmp
     monkeypatch.chdir(tmp_path)
     storage.write("r.h5", errors(4))
     code, out, err = call("plot", "r.h5", "--height", "2in")
-    assert (code, out) == (1, "") and err.startswith("spi: ") and err.count("\n") == 1
+    assert (code, out) == (2, "") and err.startswith("spi: ") and err.count("\n") == 1
     assert "height: is 2 inches; 2 rows of panels need at least" in err
 
 

@@ -347,4 +347,4 @@ def test_the_option_film(tmp_path, monkeypatch, capfd):
     still = trajectory_group("splitting", T, np.outer(1 + T, np.ones(3)), np.ones((11, 1)))
     code, lines = plotted("b.h5", still)
     told = f"spi: {tmp_path}/b.h5: the results hold no states that are seen in two dimensions; leave out --film"
-    assert (code, lines[-1:]) == (1, [told]) and not (tmp_path / "b.gif").exists()
+    assert (code, lines[-1:]) == (2, [told]) and not (tmp_path / "b.gif").exists()
