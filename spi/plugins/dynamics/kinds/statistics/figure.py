@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
+from matplotlib.patches import Patch
 
 from spi.drawing import panels, plots, style
 from spi.expressions import as_numpy, parse_expression
@@ -13,6 +14,7 @@ from spi.statistics.estimators import RESOLVED
 
 from .results import Statistics
 
+_EDGE = {"linestyle": ":", "linewidth": 0.8}  # of a band between quantiles
 _GAMMA = r"$\Gamma$"  # the centre of a Brillouin zone
 
 
@@ -55,20 +57,22 @@ def _with_quantiles(plot: plots.Plot, readings: Sequence[Statistics], f: int) ->
         else line
         for line, reading in zip(plot.series, readings, strict=False)
     ]
-    plot, lines = plot._replace(series=[*own, *plot.series[len(own) :]]), []
+    plot, lines, levels = plot._replace(series=[*own, *plot.series[len(own) :]]), [], {}
     for reading in readings:
         if reading.quantiles and not reading.is_constant[f]:
-            levels = ", ".join(f"{level:g}" for level in reading.quantiles.level)
+            levels[", ".join(f"{level:g}" for level in reading.quantiles.level)] = None
             colour = next(line.look["color"] for line in plot.series if line.label == style.label(reading.about))
-            look = {"color": colour, "linestyle": ":", "linewidth": 0.8}
             each = reading.quantiles.quantile[f].T
             lines += [
-                plots.series(reading.t, values, look, "" if i else f"quantiles {levels}")._replace(
+                plots.series(reading.t, values, _EDGE | {"color": colour})._replace(
                     band=True, low=values, high=each[-1 - i] if i < len(each) // 2 else values
                 )
                 for i, values in enumerate(each)
             ]
-    return plot._replace(series=[*plot.series, *lines])
+    # An entry of its own, as the bands have the colours of all schemes.
+    shaded = Patch(facecolor="#dddddd", edgecolor="black", **_EDGE)
+    entries = [*plot.entries, *((shaded, f"quantiles {some}") for some in levels)]
+    return plot._replace(series=[*plot.series, *lines], entries=entries)
 
 
 def _since(plot: plots.Plot, readings: Sequence[Statistics], f: int) -> plots.Plot:
