@@ -1,13 +1,21 @@
 """Quantiles from counts: against exact quantiles of laws with heavy tails, narrow laws, atoms and constants."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from helpers import COMPILED
 from scipy import stats
+from strong_results import strong_group
+from whole_dynamics import MEANS
 
+from spi.drawing import page
 from spi.numerics.rng import LANES
 from spi.plugins.dynamics.ensemble.counting import rank_values
+from spi.plugins.dynamics.kinds.statistics.figure import draw
+from spi.plugins.dynamics.kinds.statistics.results import Quantiles
 from spi.plugins.dynamics.statistics.quantiles import EDGES, edges_around, quantiles_of
+from spi.storage.stored import Description
 
 LEVELS = (1e-4, 1e-3, 0.01, 0.05, 0.5, 0.95, 0.99, 0.9999)
 
@@ -87,3 +95,17 @@ def test_a_law_that_the_first_values_do_not_show_has_wide_intervals_and_no_wrong
 def test_without_values_there_are_no_quantiles():
     edges = edges_around(np.full(64, np.nan))
     assert np.isnan(quantiles_of(np.zeros(EDGES + 1, np.int64), edges, (0.5,))).all()
+
+
+def test_bands_of_several_schemes_have_one_entry_and_no_names_beside_panels():
+    """Two panels, so that lines of one name in two colours would be named at the ends of the first one."""
+    values = np.linspace([[0, 1, 2], [1, 3, 5]], [[0, 1, 3], [1, 4, 6]], 2)  # (function, t, level)
+    levels = Quantiles(level=np.array([0.05, 0.5, 0.95]), quantile=values, quantile_low=values, quantile_high=values)
+    two = {name: getattr(MEANS, name).repeat(2, axis=0) for name in ("mean", "mean_stderr", "variance", "finite")}
+    one = replace(MEANS, functions=("a", "b"), texts=("y1", "y2"), quantiles=levels, reference=None, **two)
+    schemes = [replace(one, about=Description.of(strong_group(scheme))) for scheme in ("splitting", "euler_maruyama")]
+    with page.applied(page.named(panels=("mean",))):
+        fig = draw("A", [schemes])
+    assert [text.get_text() for text in fig.legends[0].texts].count("quantiles 0.05, 0.5, 0.95") == 1
+    assert not [text.get_text() for ax in fig.panels for text in ax.texts if "quantiles" in text.get_text()]
+    assert [sum(line.get_linestyle() == ":" for line in ax.lines) for ax in fig.panels] == [6, 6]  # edges are drawn

@@ -14,7 +14,7 @@ from spi.statistics.estimators import RESOLVED
 
 from .results import Statistics
 
-_EDGE = {"linestyle": ":", "linewidth": 0.8}  # of a band between quantiles
+_EDGE: dict[str, Any] = {"linestyle": ":", "linewidth": 0.8}  # of a band between quantiles
 _GAMMA = r"$\Gamma$"  # the centre of a Brillouin zone
 
 
