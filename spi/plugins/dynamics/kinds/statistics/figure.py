@@ -57,7 +57,8 @@ def _with_quantiles(plot: plots.Plot, readings: Sequence[Statistics], f: int) ->
         else line
         for line, reading in zip(plot.series, readings, strict=False)
     ]
-    plot, lines, levels = plot._replace(series=[*own, *plot.series[len(own) :]]), [], {}
+    plot, lines = plot._replace(series=[*own, *plot.series[len(own) :]]), []
+    levels: dict[str, None] = {}
     for reading in readings:
         if reading.quantiles and not reading.is_constant[f]:
             levels[", ".join(f"{level:g}" for level in reading.quantiles.level)] = None
