@@ -17,7 +17,7 @@ from annotated_types import Ge, Le
 
 from spi.numerics.rng import MOST_NOISES
 
-from .kernels import tables
+from .kernels import ns_of_a_line, tables
 from .observables import observables_of
 from .tables import Mode, lines, modes, shell
 
@@ -80,9 +80,7 @@ class Zeitlin(NamedTuple):
         return (1 + model.tracers) * min(model.casimirs_watched, model.n - 1)
 
     def flow_ns(model):
-        """Fitted to N = 5, ..., 127 on a processor with AVX-512; transforms dominate from N = 31 on."""
-        fields = (1 + model.tracers) * (40.0 + 4.0 * model.n**1.5 + 0.04 * model.n**3)
-        return fields + 2.0 * model.n * model.particles
+        return ns_of_a_line(model.n, 1 + model.tracers, model.particles)
 
     def report(model, initial):
         from .fields import report  # which needs this class
