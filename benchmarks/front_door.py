@@ -14,7 +14,7 @@ of 32^3, so that nothing is compiled.  A line has
 
 Wall times are of a machine that does nothing else; processor times of the rest hold on a busy one, too.
 
-Supports: docs/spins.md, time and memory of large lattices.
+Supports: docs/appendix/spins.md, memory of large lattices.
 
 Short form: 8
 """

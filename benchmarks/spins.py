@@ -6,8 +6,8 @@ program Spirit can be imported (`pip install spirit`), its solvers on the same l
 Times are those of the processor.  A step by sites has about 255 operations on floats, counted in the source: 1.5 damped
 flows of 110 and a turn of 90 about a random axis; the peak beside it is that of a polynomial of high degree.
 
-Supports: docs/spins.md, table of "Speed"; the time of whole runs and the memory of larger lattices are those of
-front_door.py.
+Supports: docs/appendix/spins.md, table of "Speed"; the time of whole runs and the memory of larger lattices are those
+of front_door.py.
 
 Short form: 16
 """

@@ -37,7 +37,7 @@ MOST_WORDS = 2000
 #: Longer pages, and why, where no comment on their first lines does: `<!-- long because: ... -->`.
 LONG = {
     "gallery": "pictures of all experiments, written by a program",
-    "spins": "magnets from the keys to speed, for readers who use nothing else",
+    "spins": "magnets from the keys to correlations, for readers who use nothing else",
     "fluids": "fluids from the keys to speed, for readers who use nothing else",
 }
 
