@@ -54,7 +54,7 @@ def test_pictures_are_wide_enough(tmp_path):
 # --- what a quick profile leaves out ---------------------------------------------------------------------------------
 
 #: Keys whose numbers may be smaller, and larger; lists of which there may be less; and what is looked at.
-LESS = ("samples", "seconds", "final_time", "warm_up", "repeats", "step_count")
+LESS = ("samples", "seconds", "final_time", "warm_up", "burn_in", "repeats", "step_count")
 MORE = ("accuracy", "standard_error", "reference_step")
 SOME = ("schemes", "estimators", "eps", "extrapolate")
 LOOKS = ("every", "times", "prefixes", "pullback", "density", "time_correlations", "expect")

@@ -62,7 +62,7 @@ def test_a_spectrum_over_paths(spec, tmp_path):
 
 @pytest.mark.needs("dynamics")
 def test_a_spectrum_over_time():
-    """At the smallest step size, with the intervals of the means; functions that are no E(k) are left out"""
+    """At the smallest step size, with the intervals of the means and the reference"""
     from long_results import equilibrium, equilibrium_group
 
     group = equilibrium_group("splitting", panels=("energy_spectrum",))
@@ -70,11 +70,14 @@ def test_a_spectrum_over_time():
     average, half = (group.variables[name][1] for name in ("average", "average_half"))
     average[:] += [[0.0, 0.2]]
     half[:] = [[0.01, 0.02]]
+    group.variables["reference"][1][:] = [0.5, 0.4]
     (ax,) = views.figure(equilibrium(group)).axes
-    label = legend_texts(ax.figure)[0] if ax.figure.legends else ax.lines[0].get_label()
+    label = ax.lines[0].get_label()
     np.testing.assert_allclose(points_of(ax, label), [[1, average[2, 1]], [2, average[2, 0]]])
     ends = [[average[2, 1] - 0.02, average[2, 0] - 0.01], [average[2, 1] + 0.02, average[2, 0] + 0.01]]
     np.testing.assert_allclose(np.array(bars_of(ax, label))[1:], ends)
+    assert legend_texts(ax.figure) == ["reference"]
+    np.testing.assert_array_equal(points_of(ax, "reference"), [[1, 0.4], [2, 0.5]])
 
 
 @pytest.mark.parametrize("text", [SPEC, OVER_TIME])
