@@ -342,7 +342,7 @@ WEAK = "kind: weak\nfunctions: {a: y1, b: y2^2}\n" + STEPS
 SPECS = {
     "strong": f"kind: strong\nsamples: {SAMPLES}\n" + STEPS,
     "plain": f"estimators: [plain]\nsamples: {SAMPLES}\nprefixes: [1, 100, {SAMPLES}]\n" + WEAK,
-    "multilevel": "estimators: [multilevel]\nseconds: 0.01\n" + WEAK,
+    "multilevel": "estimators: [multilevel]\nseconds: 0.003\n" + WEAK,
     "stability": f"kind: stability\nsamples: {SAMPLES}\n" + STEPS,
     "quasi": "estimators: [quasi]\nsamples: 512\n" + WEAK,
     "growth": f"kind: growth\nsamples: {SAMPLES}\nsteps: [1/8, 1/4]\nstep_count: 384\n",
