@@ -15,7 +15,7 @@ place of cutting them off, and the classical Runge-Kutta scheme.  At the times t
 
 A figure stands beside the results, FILE_euler.png: the fields, or with two times errors and growth rates against N.
 
-Supports: docs/fluids.md, the distance to Euler's equations.
+Supports: docs/appendix/fluids_euler.md, the distance to Euler's equations.
 
 Short form, after `spi run --profile quick vortex_merger`: results/vortex_merger.quick.h5 32
 """

@@ -18,7 +18,7 @@ Operations, with 5 n log2 n for a complex Fourier transform of length n:
 `error` is that of the vorticity at time 0.2, relative, in the root mean square; the columns behind it are the largest
 of the Casimirs C_2, ..., C_5 over the steps, C_k = tr W^k / N, relative to tr |W|^k / N.
 
-Supports: docs/fluids.md, "Cost".
+Supports: docs/appendix/fluids.md, "Flows and their cost".
 
 Short form: 5 --schemes splitting
 """

@@ -71,7 +71,7 @@ def test_the_rule_says_about_what_the_models_state(model):
 
 @pytest.mark.parametrize(("n", "one", "of_64"), [(15, 15.5, 4.1), (31, 57, 29), (63, 930, 570), (127, 4740, 3920)])
 def test_a_step_of_a_fluid_takes_about_what_its_page_says(n, one, of_64):
-    """Within a factor of 4 of the microseconds of docs/fluids.md, for one path and for each of 64."""
+    """Within a factor of 4 of the microseconds of docs/appendix/fluids.md, for one path and for each of 64."""
     from spi.plugins.fluids.models import Zeitlin
 
     assert of_64 / 4 < typical_ns(SCHEMES["splitting"], Zeitlin(n)) / 1000 < 4 * one

@@ -38,7 +38,6 @@ MOST_WORDS = 2000
 LONG = {
     "gallery": "pictures of all experiments, written by a program",
     "spins": "magnets from the keys to correlations, for readers who use nothing else",
-    "fluids": "fluids from the keys to speed, for readers who use nothing else",
 }
 
 
