@@ -7,7 +7,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperCommand
 
-from spi.cli.options import INVALID, LOOK, RESULTS, Command, ResultsFolder, RunOptions, Several, run_options, stored
+from spi.cli.options import INVALID, LOOK, RESULTS, Command, ResultsFolder, RunOptions, Several, found, run_options
 from spi.cli.terminal import STOP, tell
 
 #: Options of `spi report` whose value may be left out, and what it is then.
@@ -61,8 +61,10 @@ def report(
 
     A file that cannot be shown has a line there, and the exit code is 2.
     """
+    each = found(sources, results, options)
+    read = {one.path: one.read for one in each}  # with the looks that the spec file has now
     written, problems = write_report(
-        stored(sources, results, options), out, latex_folder=latex, data_folder=data, short=short
+        [*read], out, latex_folder=latex, data_folder=data, short=short, read=lambda path: read[path]()
     )
     tell(f"wrote {out}")
     for folder in filter(None, (latex, data)):

@@ -13,6 +13,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from helpers import loop_in_python
 from markupsafe import Markup, escape
 from strong_results import strong, strong_group
 from trajectory_results import trajectories, trajectory_group
@@ -24,6 +25,7 @@ from spi.plugins.answers.running import load_answer
 from spi.plugins.report.views import page, sections
 from spi.plugins.report.views.page import files
 from spi.plugins.report.views.sections import equation
+from spi.running.run import load, run
 from spi.statistics import claims
 from spi.storage import StoredResults
 
@@ -363,6 +365,27 @@ def test_the_command_reports_on_all_results(stored, tmp_path, undrawn, monkeypat
         *("tables/first.tex", "tables/first.error.tex", "tables/first.casimir_drift.tex"),
         *("curves/first.csv", "curves/first.casimir_drift.csv"),
     }
+
+
+def test_the_command_shows_the_looks_that_a_spec_has_now(tmp_path, undrawn, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    spec = tmp_path / "mine.yaml"
+    spec.write_text(
+        "kind: trajectory\nmodel: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}\n"
+        "initial: [1, 0, 1]\nfinal_time: 1\nstep: 1/4\nschemes: [splitting]\npanels: [casimirs]\ntitle: Before\n"
+    )
+    with loop_in_python():
+        run(load(spec), tmp_path / "results")
+
+    def shown():
+        app(["report", "mine.yaml"], standalone_mode=False)
+        text = (tmp_path / "report.html").read_text()
+        return ["Before" in text, "After" in text]
+
+    before = shown()
+    spec.write_text(spec.read_text().replace("Before", "After"))
+    assert before == [True, False]
+    assert shown() == [False, True]
 
 
 def test_many_figures_are_drawn_in_their_order_whoever_draws_them(monkeypatch):

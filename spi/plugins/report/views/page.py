@@ -115,12 +115,14 @@ def files(
     tell: Tell = lambda problem: None,
     short: bool = False,
     head: Head = PLAIN,
+    read: Callable[[Path], StoredResults] = storage.read,
 ) -> dict[Path, bytes]:
     """Files of a report on the results files `paths`: path -> content, to be written by ``storage.write_all``.
 
     These are the page `out`, if `short` one printed page for each experiment, and beside it for each experiment
     ``<latex_folder>/<name>.tex`` with its tables and ``<data_folder>/<name>.csv`` with its numbers, and the further
-    tables of :func:`spi.views.exports`, if the folders are given.
+    tables of :func:`spi.views.exports`, if the folders are given.  `read` gives the results in a file, with the looks
+    that the report shows.
 
     A file that cannot be read or is of an unknown kind has a line on the page in place of its results.  StorageError,
     before anything is drawn, if there is no other, or if two have one name.
@@ -131,7 +133,7 @@ def files(
     problems: list[str] = []
     for path in paths:
         try:
-            parts.append(_part(path, anchor(len(parts)), latex_folder, data_folder))
+            parts.append(_part(path, read(path), anchor(len(parts)), latex_folder, data_folder))
         except Exception as error:  # of whatever kind, since the others can be shown
             problems.append(views.problem(path, error))
     if not parts:
@@ -151,8 +153,9 @@ class _Part(NamedTuple):
     files: dict[Path, bytes]  #: beside the page
 
 
-def _part(path: Path, anchored: str, latex_folder: Path | None, data_folder: Path | None) -> _Part:
-    results = storage.read(path)
+def _part(
+    path: Path, results: StoredResults, anchored: str, latex_folder: Path | None, data_folder: Path | None
+) -> _Part:
     one = section(path, results, anchored)
     written: dict[Path, bytes] = {}
     if latex_folder:
