@@ -27,6 +27,7 @@ from spi.statistics.claims import claimable
 from spi.statistics.estimators import GROUPS
 
 from .estimates import SPHERE, on_sphere
+from .fits import FITS
 from .references import REFERENCES
 from .results import OF_LATTICES, OF_TIMES, PANELS, Statistics
 from .stationary import FURTHER, WAVES, WINDOWS, modes_of
@@ -104,6 +105,8 @@ Maps = Annotated[Density, BeforeValidator(lambda value: {"of": value} if isinsta
 
 
 _Direction = tuple[float, float, float]
+OF_FITS = ("fit", "fit_from")  # the keys of :class:`Correlated` that decide no sums
+LEAST_FITTED = 8  # lags behind the first one of a fit
 
 
 class Correlated(Keys):
@@ -128,6 +131,22 @@ class Correlated(Keys):
     labels: key_of(
         Annotated[tuple[str, ...], MinLen(2)] | None, "names of the corners of `through` in figures, as in [G, X, M, G]"
     ) = None
+    fit: key_of(
+        Literal[tuple(FITS)] | None,
+        "to covariances from `fit_from` to `until`, a rate and a frequency with their errors: "
+        + ", ".join(f"{name}: {form}" for name, form in FITS.items()),
+    ) = None
+    fit_from: key_of(NonNegative, "the first time between two values that a fit uses", "time") = 0.0
+
+    @pydantic.model_serializer(mode="wrap")
+    def _without_fit(self, write: Callable[[Any], dict[str, Any]]) -> dict[str, Any]:
+        """Keys that decide results: of a fit only where there is one, as in specs from before it was a key."""
+        return {key: value for key, value in write(self).items() if self.fit is not None or key not in OF_FITS}
+
+    @condition
+    def _check_fit(self) -> None:
+        if self.fit_from and self.fit is None:
+            raise wrong("is for fits", f"add fit: {' or '.join(FITS)}", "fit_from")
 
     @condition
     def _check_spins(self) -> Self:
@@ -153,6 +172,9 @@ class Correlated(Keys):
         if case.times or round(self.until / between) < 2 or self.until > last:
             right = f"must be between {quantity(2 * between)} and {quantity(last)}; leave out times, use every"
             raise wrong(f"is {quantity(self.until)}", right, "time_correlations", "until")
+        if self.fit is not None and round((self.until - self.fit_from) / between) < LEAST_FITTED:
+            right = f"must be at most {quantity(self.until - LEAST_FITTED * between)}, or take a larger until"
+            raise wrong(f"is {quantity(self.fit_from)}", right, "time_correlations", "fit_from")
         if self.spins is None:
             return
         place = geometry(case.model)

@@ -112,6 +112,16 @@ class TimeCorrelations(Described):
     spectrum: Array = array("function omega", "spectrum", "", "integral of cos(omega t) w(t) C(t) over all t")
     spectrum_stderr: Array = array("function omega", "standard error of the spectrum")
     spectrum_half: Array | None = array("function omega", "half the interval of the spectrum", default=None)
+    rate: Array | None = array(
+        "function", "rate of decay of a fit to this covariance", "1/time", claim=_KNOWN, default=None
+    )
+    rate_stderr: Array | None = array("function", "standard error of this rate", "1/time", default=None)
+    rate_half: Array | None = array("function", "half the interval of this rate", "1/time", default=None)
+    frequency: Array | None = array(
+        "function", "angular frequency of a fit to this covariance", "1/time", claim=_KNOWN, default=None
+    )
+    frequency_stderr: Array | None = array("function", "standard error of this frequency", "1/time", default=None)
+    frequency_half: Array | None = array("function", "half the interval of this frequency", "1/time", default=None)
     structure: Structure | None = nested(prefix="structure_", default=None)
 
     @derived("function", "covariance at equal times")
@@ -156,6 +166,8 @@ class Statistics(Stored):
             [
                 Column("time_variance", "variance (95 %)"),
                 Column("time_integral", "integral of the covariance\nto the last lag (95 %)"),
+                Column("time_rate", "rate of decay\n(95 %)"),
+                Column("time_frequency", "angular\nfrequency (95 %)"),
             ],
             title="correlations in time",
         ),

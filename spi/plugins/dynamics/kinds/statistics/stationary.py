@@ -23,6 +23,7 @@ from spi.statistics.intervals import skewed_half_width
 from spi.statistics.rounding import is_rounding
 from spi.statistics.tallies import Batch
 
+from .fits import decay, oscillation
 from .results import Structure, TimeCorrelations
 
 #: What this plug-in asks others for: linear waves, a record of ``check(case)`` and ``frequencies(case, waves)``.
@@ -187,6 +188,15 @@ def estimates(case: Any, sums: Any, sizes: Array, waves: Mapping[str, Any]) -> T
     }
     for name, of in each_quadratic.items():
         fields[name], fields[f"{name}_stderr"], fields[f"{name}_half"] = quadratic(of, *of_functions)
+    if given.fit is not None:
+        begin, peaks = round(given.fit_from / between), fields["spectrum"].argmax(axis=-1)
+
+        def fit(*means: Array) -> Array:
+            c = covariance(*means)[..., begin:]
+            return (decay(c) if given.fit == "decay" else oscillation(c, peaks)) / between
+
+        for kind, rows in zip(("", "_stderr", "_half"), quadratic(fit, *of_functions), strict=True):
+            fields |= {f"{name}{kind}": row for name, row in zip(("rate", "frequency"), rows, strict=False)}
     spread = np.sqrt(np.maximum(fields["correlation"][:, 0], 0.0))
     constant = is_rounding(spread, sizes.max(axis=1), case.final_time / case.step)
     for values in fields.values():

@@ -40,6 +40,7 @@ from .estimates import (
     quantiles,
     simultaneous,
 )
+from .keys import OF_FITS
 from .passages import Distances, InTime, LookTimes, corrected, noise_depends_on_time
 from .references import REFERENCES, reference_formulas, seconds_of_means
 from .results import LEAST_GROUPS, PANELS, Statistics
@@ -306,8 +307,11 @@ class StatisticsPlan(SampledPlan):
             count_places(maps, batch, sums.cells)
 
     def deciding(self, number: int | None) -> dict[str, Any]:
-        """See :meth:`Plan.deciding`; the references are among the answers of the tasks."""
+        """See :meth:`Plan.deciding`; the references are among the answers of the tasks.  Fits are made of sums."""
         entries = super().deciding(number)
+        if self.case.time_correlations is not None:
+            correlated = entries["time_correlations"]
+            entries["time_correlations"] = {key: value for key, value in correlated.items() if key not in OF_FITS}
         return entries | self.case.model_dump(include={"reference"}) if number is None else entries
 
     def tasks(self, state: State) -> list[Task]:
