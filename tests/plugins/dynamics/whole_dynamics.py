@@ -33,6 +33,7 @@ MEANS = Statistics(
         lag=np.array([0.0, 1.0]),
         omega=np.array([0.0, 2.0]),
         **{f"{name}{end}": np.array([[2.0, 3.0]]) for name in TIMES for end in ("", "_stderr")},
+        **{f"{name}{end}": np.array([2.0]) for name in ("rate", "frequency") for end in ("", "_stderr", "_half")},
     ),
     finite=np.ones((1, 2)),
     nonfinite=0,
