@@ -30,10 +30,14 @@ def look_ns(case: Any, functions: int) -> float:
     return len(case.initial) / 3 * (COPY_NS + FUNCTION_NS * functions)
 
 
+def idle(most: int) -> float:
+    """Factor by which all threads together spend more time than work takes that at most so many of them share."""
+    return thread_count() / min(thread_count(), most)
+
+
 def move_seconds(mover: Any, steps: int) -> float:
     """Seconds of typical speed for so many steps, as all threads together have them, of which some may be idle."""
-    threads = thread_count()
-    return 1e-9 * steps * float(mover.ns) * threads / min(threads, mover.most_threads)
+    return 1e-9 * steps * float(mover.ns) * idle(mover.most_threads)
 
 
 def bytes_of(case: Any) -> int:

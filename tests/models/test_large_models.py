@@ -80,7 +80,7 @@ def test_a_step_of_a_fluid_takes_about_what_its_page_says(n, one, of_64):
 @pytest.mark.parametrize("carried", [{}, {"tracers": 2}, {"particles": 1000}])
 def test_a_prediction_counts_a_path_of_a_fluid_with_all_that_it_carries(spec, carried, monkeypatch):
     """The tables that move paths state what the model states, and one path has one thread of eight."""
-    from spi.kinds.trajectory import study
+    from spi.kinds import one_path
     from spi.plugins.fluids.models import Zeitlin
 
     cloud = ", cloud: {centre: [1, 2], radius: 0.5}" if "particles" in carried else ""
@@ -90,7 +90,7 @@ def test_a_prediction_counts_a_path_of_a_fluid_with_all_that_it_carries(spec, ca
         f"kind: trajectory\nmodel: {{name: zeitlin, n: 15{keys}}}\ninitial: {{vorticity: cos(x1){dyes}{cloud}}}\n"
         "final_time: 16\nstep: 1/4\nschemes: [splitting]\npanels: [vorticity]\n"
     )
-    monkeypatch.setattr(study, "thread_count", lambda: 8)
+    monkeypatch.setattr(one_path, "thread_count", lambda: 8)
     (plan,) = plans(experiment)
     ns = typical_ns(SCHEMES["splitting"], Zeitlin(15, **carried))
     assert plan.cost().seconds == pytest.approx(64 * 1e-9 * ns * 8)

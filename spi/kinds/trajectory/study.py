@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from spi.ensemble.loop import BATCH_SECONDS, TimeGrid, add_reports, integrated, one_step, thread_count
+from spi.ensemble.loop import BATCH_SECONDS, TimeGrid, add_reports, integrated, one_step
 from spi.ensemble.observer import growth, invariants_of, state_recorder
 from spi.ensemble.protocol import decay_rates, geometry, large
 from spi.ensemble.random_states import RandomState
@@ -64,7 +64,7 @@ class TrajectoryPlan(alone.LatticePlan):
         steps = self.grid.reference_steps
         stored = 8 * (self.case.recorded + 1) * (len(self.initial) + 4)
         scratch = alone.bytes_of(self.case) if self.movers else 0
-        idle = 1 if self.movers else thread_count()  # a path that no threads share leaves all but one idle
+        idle = 1 if self.movers else alone.idle(1)
         return PartCost(steps * self._paths, idle * steps * self._seconds_per_step, scratch + stored, stored)
 
     def deciding(self, number: int | None) -> dict[str, Any]:

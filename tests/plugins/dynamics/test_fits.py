@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 from helpers import compiled_only
-from statistics_cases import AXIS, results_of, written
+from statistics_cases import AXIS, results_of, study_of, written
 
 from spi.plugins.dynamics.kinds.statistics.fits import decay, oscillation
+from spi.running.checkpoint import sums_keys
 from spi.specs import SpecError
 
 LAGS = 0.25 * np.arange(41)
@@ -50,6 +51,8 @@ def test_a_fit_decides_no_sums_and_needs_lags(tmp_path):
     plain, fitted = of("{until: 4}"), of("{until: 4, fit: decay}")
     assert "fit" not in plain.time_correlations.model_dump() and "fit_from" not in plain.time_correlations.model_dump()
     assert fitted.time_correlations.model_dump()["fit"] == "decay"
+    keys = [sums_keys(study_of(case)) for case in (plain, fitted, of("{until: 2}"))]
+    assert keys[0] == keys[1] != keys[2]
     with pytest.raises(
         SpecError, match=r"time_correlations.fit_from: is 3.5; must be at most 3, or take a larger until"
     ):

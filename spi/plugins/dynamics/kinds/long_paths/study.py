@@ -108,7 +108,7 @@ class LongPlan(alone.LatticePlan):
             return PartCost(steps, sum(seconds), alone.bytes_of(self.case))
         blocks = -(-self.case.samples // LANES)
         steps *= paths_moved(self.model, self.case.samples)
-        idle = loop.thread_count() / min(loop.thread_count(), blocks)  # a block cannot be shared
+        idle = alone.idle(blocks)  # a block cannot be shared
         of_a_block = 8 * LANES * (len(self.initial) + len(self.records) * self._conserved)
         memory = of_a_block * blocks * len(self.case.steps)
         return PartCost(steps, idle * steps * 1e-9 * typical_ns(self.row, self.model), memory)
