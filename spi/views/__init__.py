@@ -321,7 +321,7 @@ def film(results: StoredResults, **given: Any) -> "Film":
     kind: Any = results.attributes.get("kind")
     draw = getattr(KINDS[kind].figure, "film", None) if kind in KINDS else None
     if draw is None:
-        raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
+        raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories")
     with page.applied(page.named(**chosen(results, **given))):
         film: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
         return film
