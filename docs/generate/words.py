@@ -99,7 +99,9 @@ def _one_of(choices: Iterable[Schema], definitions: Schema) -> str:
     if len(said) > 1:
         said.pop("text", None)
         said.pop("value", None)
-    return " or ".join(sorted(said, key=lambda value: value.startswith("list")))
+    lists = [value for value in said if value.startswith("list")]
+    others = [value for value in said if value not in lists]
+    return " or ".join([*others, ", or ".join(lists)] if lists else others)
 
 
 def _list(schema: Schema, definitions: Schema) -> str:

@@ -2,7 +2,7 @@
 
 import contextlib
 import re
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, NamedTuple
 
@@ -120,6 +120,9 @@ def plot(
     except ValueError as error:
         name, _, message = str(error).partition(": ")
         end(INVALID, f"--{name.replace('_', '-')}: {message}")
+    films = {"--film": "gif"} if film else {}
+    films |= {"--mp4": "mp4"} if mp4 else {}
+    _check_films(films, sources or (), fps)
 
     def draw(one: "Found") -> None:
         path, stored_results = one.path, one.read()
@@ -131,12 +134,26 @@ def plot(
             tell(f"wrote {written}")
         if is_paper or words.get("title") is False:
             tell(f"caption: {caption(figure)}")
-        for form in [*["gif"] * film, *["mp4"] * mp4]:
-            with _about(path):
+        for option, form in films.items():
+            with _about(path, f"; leave out {option}"):
                 moving = views.film(stored_results, **chosen)
             _write_film(path, moving, folder, form, fps)
 
     _each(draw, found(sources, results, options))
+
+
+def _check_films(films: Mapping[str, str], sources: Sequence[Path], fps: float | None) -> None:
+    """End the command, before anything is drawn, where its films, format by option, cannot be made."""
+    if name := next((source for source in sources if source.suffix in (".gif", ".mp4")), None):
+        option = "--mp4" if name.suffix == ".mp4" else "--film"
+        end(INVALID, f"{name}: is no file of results; use {option} alone, which writes <out>/<name>{name.suffix}")
+    if fps is not None and not films:
+        end(INVALID, "--fps: is for films; add --film or --mp4")
+    for option, form in films.items():
+        from ..drawing.film import fault
+
+        if message := fault(form):
+            end(INVALID, f"{option}: {message}")
 
 
 def _each(act: Callable[["Found"], None], each: Sequence["Found"]) -> None:
@@ -174,14 +191,14 @@ def _write_film(path: Path, moving: "Film", folder: Path, form: str, fps: float 
 
 
 @contextlib.contextmanager
-def _about(path: Path) -> Iterator[None]:
-    """Within it an error over content that cannot be shown names the file."""
+def _about(path: Path, remedy: str = "") -> Iterator[None]:
+    """Within it an error over content that cannot be shown names the file, and has a remedy behind it."""
     from ..storage import StorageError
 
     try:
         yield
     except (StorageError, ValueError) as error:
-        end(INVALID, f"{path}: {error}")
+        end(INVALID, f"{path}: {error}{remedy}")
 
 
 # ---------------------------------------------------------------------------------------------------------------------

@@ -23,13 +23,19 @@ class Film(NamedTuple):
     show: Callable[[int], None]  #: makes the figure that of frame 0, ..., frames - 1
 
 
+def fault(form: str) -> str:
+    """Why no films of a format, "gif" or "mp4", can be written here; empty if they can."""
+    lacking = form == "mp4" and not FFMpegWriter.isAvailable()
+    return "needs ffmpeg, which is not installed; install it, or use --film for a GIF" if lacking else ""
+
+
 def as_bytes(film: Film, form: str, report: Callable[[int, int], None], fps: float | None = None) -> bytes:
     """Content of a file of a film, a "gif" or an "mp4", at `fps` frames a second.
 
     `report` is called with the number of frames drawn, and of all.  ValueError if there is no ffmpeg for an "mp4".
     """
-    if form == "mp4" and not FFMpegWriter.isAvailable():
-        raise ValueError("a film as MP4 needs ffmpeg, which is not installed; install it, or use --film for a GIF")
+    if message := fault(form):
+        raise ValueError(f"a film as {form.upper()} {message}")
     speed: Any = fps or min(max(film.frames // _SECONDS, _SLOWEST), _FASTEST)
     writer = (FFMpegWriter if form == "mp4" else PillowWriter)(fps=speed)
     with scratch_folder() as folder, page.applied(page.of(film.figure)):

@@ -2,7 +2,7 @@
 
 import re
 from collections.abc import Sequence
-from itertools import pairwise, product
+from itertools import combinations, pairwise, product
 from operator import itemgetter
 from typing import Any
 from weakref import WeakSet
@@ -228,5 +228,6 @@ def _touch(axis: Any, labels: list[Text]) -> bool:
     gap = page.current().layout.tick_gap / 72 * axis.figure.dpi
     boxes = [label.get_window_extent() for label in labels]
     if axis.axis_name == "x":
-        return any(one.x1 + gap > other.x0 for one, other in pairwise(sorted(boxes, key=lambda box: box.x0)))
+        pairs = combinations(sorted(boxes, key=lambda box: box.x0), 2)
+        return any(one.x1 + gap > other.x0 and one.y0 < other.y1 and other.y0 < one.y1 for one, other in pairs)
     return any(one.y1 > other.y0 for one, other in pairwise(sorted(boxes, key=lambda box: box.y0)))

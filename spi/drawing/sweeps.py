@@ -242,17 +242,21 @@ def _is_error(curve: Curve) -> bool:
     return curve.claim.sense == AT_MOST
 
 
+def _name(curve: Curve) -> str:
+    """Name of the quantity: a label that a person chose, or that in print."""
+    return style.plain(page.current().chosen.get("labels", {}).get(curve.name, curve.label))
+
+
 def _label(curves: Sequence[Curve], shared: float | None) -> str:
     """Label of a panel: its quantity, and at which step size unless all panels `shared` that."""
     first, steps = curves[0], {curve.h for curve in curves}
-    name, labels = style.plain(first.label), page.current().chosen.get("labels", {})
-    function = style.named(first.function, first.about.variables).strip("$")
-    if first.name in labels:
-        name = style.plain(labels[first.name])
-    elif first.function and first.claim.symbol:
-        name = f"${first.claim.symbol}[{function}]$"
-    elif first.function in labels or first.claim.is_named:
-        name = f"${function}$"
+    name, labels = _name(first), page.current().chosen.get("labels", {})
+    if first.function and first.name not in labels:
+        function = style.named(first.function, first.about.variables).strip("$")
+        if first.claim.symbol:
+            name = f"${first.claim.symbol}[{function}]$"
+        elif first.function in labels or first.claim.is_named:
+            name = f"${function}$"
     if steps in ({None}, {shared}):
         return name
     h = steps.pop() if len(steps) == 1 else None
@@ -267,8 +271,10 @@ def _label(curves: Sequence[Curve], shared: float | None) -> str:
 def _map(curve: Curve, several: bool) -> plots.Plot:
     """A cell for each pair of values; where both signs occur also the line of zero, and marks where none is certain."""
     values = curve.grid().of("value")
-    sign = "minus " if (values <= 0).all() else ""
-    title = [style.plain(f"{sign}{curve.label}" + (f" of {curve.function}" if curve.function else ""))]
+    sign, name = "minus " if (values <= 0).all() else "", _label([curve], curve.h)
+    if curve.function and name == _name(curve):
+        name += f" of {style.named(curve.function, curve.about.variables)}"
+    title = [sign + name]
     title += [style.label(curve.about)] * several
     if (agreement := curve.chi_squared) is not None:
         whose = r"the orders of theory as $h\to0$" if curve.claim.is_order else "theory"

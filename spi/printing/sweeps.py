@@ -68,7 +68,8 @@ def _map(title: str, curve: Curve) -> TextTable:
         texts = [text for j in ends for text in (short(float(values[i, j])), f"{grid.axes[1][j]:g}")] or [""] * 4
         texts += [", ".join(with_interval(zero, half) for at, zero, half in zeros if at == value)] * bool(zeros)
         rows.append([StyledText(f"{value:g}"), *map(StyledText, texts)])
-    name = f"{curve.label}, {curve.about.subject(curve.function, with_estimator=False)}"
+    subject = curve.about.subject(curve.function, with_estimator=False)
+    name = subject if curve.claim.is_named else f"{curve.label}, {subject}"
     return TextTable(": ".join(filter(None, (title, name))), headings, [rows], 0)
 
 
@@ -99,9 +100,10 @@ def headline(curves: Sequence[Curve]) -> str:
     resolved = [curve for curve in curves if curve.is_known or not curve.claim.is_fit]
     for name in dict.fromkeys(curve.name for curve in resolved):
         first, *_ = of_name = [curve for curve in resolved if curve.name == name]
-        of = f" of {first.function}" if first.function else ""
+        text = f"{first.label[0].upper()}{first.label[1:]}" + (f" of {first.function}" if first.function else "")
+        text = first.function if first.claim.is_named else text
         members = "; ".join(_ends(curve) for curve in of_name if curve.function == first.function)
-        parts.append(f"{first.label[0].upper()}{first.label[1:]}{of}{_at(curves, name)}: {members}.".replace("\n", " "))
+        parts.append(f"{text}{_at(curves, name)}: {members}.".replace("\n", " "))
     return " ".join(parts)
 
 

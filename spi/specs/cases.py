@@ -79,7 +79,7 @@ from .keys import (
 from .models import Model, check_words, name_of
 from .names import CodeKeys, Taken, check_values, named_in, numbers_of
 from .noise import NoiseKey
-from .sweep import PLACES, SWEEP, SweptKey, check_shown
+from .sweep import PLACES, SWEEP, SweptKey, check_shown, with_panels
 
 _MOST_DECAY = 600.0  # of the logarithm of a Casimir function, whose smallest values are about exp(-700)
 CLIP = (
@@ -210,6 +210,7 @@ class BaseCase(Keys):
     scoping: ClassVar[tuple[str, ...]] = ()  #: the keys whose entries a claim may be restricted to
     swept_in: ClassVar[tuple[str, ...]] = PLACES  #: the keys in which a swept parameter may stand
     most_swept: ClassVar[int] = 2  #: the number of parameters that may be swept at once
+    sweeps_quantities: ClassVar[bool] = True  #: whether `panels` of a sweep are quantities
     example: ClassVar[str] = ""  #: keys of a short experiment with the rigid body, for `spi new --kind`
     listed_under: ClassVar[str] = "dynamics"  #: the group of experiments in ``spi list``
 
@@ -317,6 +318,11 @@ class BaseCase(Keys):
     def last_time(self) -> float:
         """Time at which the longest paths end."""
         raise NotImplementedError
+
+    @pydantic.model_validator(mode="before")
+    @classmethod
+    def _read_panels(cls, data: Any) -> Any:
+        return with_panels(data, cls.quantities) if cls.sweeps_quantities else data
 
     @pydantic.model_validator(mode="after")
     def _check_seed(self, info: pydantic.ValidationInfo) -> Self:

@@ -74,10 +74,15 @@ _Figure = Annotated[
 #: Values of one layer are not read: another layer may change their meaning.
 _LATER = pydantic.WrapValidator(lambda value, read: value)
 
+#: Says in the schema what panels are in a sweep.
+_OF_SWEEPS = pydantic.Field(description="of a sweep its quantities")
+
 
 def _layers(kind: str, case_class: type[BaseCase]) -> tuple[type[Keys], type[Keys]]:
     """Classes of a profile and of a file; their keys need not be complete, since other layers may have the rest."""
     hints = get_type_hints(case_class, include_extras=True)
+    if case_class.sweeps_quantities and "panels" in hints:
+        hints["panels"] |= Annotated[list[Literal[tuple(case_class.quantities)]], _OF_SWEEPS]  # type: ignore[misc]
     keys = [k for k in case_class.model_fields if k not in ("name", "title")]
     read = {k: Annotated[hints[k], _LATER] for k in keys} | {"model": ModelPart, "sweep": hints["sweep"]}
     optional: dict[str, Any] = {k: (hint, ABSENT) for k, hint in read.items()}

@@ -13,7 +13,7 @@ number.  Reading makes a case of each value.
 """
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from itertools import product
 from types import MappingProxyType
@@ -26,7 +26,7 @@ from pydantic_core import PydanticCustomError
 from ..expressions.arithmetic import Numbers
 from ..models import MODELS
 from .files import Files
-from .keys import powers_of_two, suggestion, wrong
+from .keys import powers_of_two, shown, suggestion, wrong
 from .models import SOURCES, names_under, source_of
 
 POINT = ("model", "damping", "temperature", "initial", "eps")  #: where a parameter of the system may stand
@@ -79,6 +79,28 @@ def _read(value: Any, read: ValidatorFunctionWrapHandler) -> ParameterSweep | No
 
 #: The annotation of ``sweep``.
 SweptKey = Annotated[dict[str, _Values], WrapValidator(_read, json_schema_input_type=dict[str, Any])]
+
+
+def unknown(name: Any, quantities: Collection[str]) -> tuple[str, str]:
+    """What is wrong with an entry of the panels of a sweep that is none of its quantities, and what would be right."""
+    meant = suggestion(name, quantities)
+    right = meant if meant.startswith("did you") else f"of a sweep they are quantities: {', '.join(quantities)}"
+    return f"has {shown(name)}", right
+
+
+def with_panels(data: Any, quantities: Collection[str]) -> Any:
+    """Keys of a case in which the quantities that `panels` names stand under ``of`` of its sweep."""
+    swept = data.get("sweep") if isinstance(data, dict) else None
+    panels = data.get("panels") if isinstance(swept, dict) else None
+    if not (isinstance(swept, dict) and isinstance(panels, list) and panels):
+        return data
+    if "of" in swept:
+        raise wrong("is given beside of: in sweep, which says the same", "leave out one of them", "panels")
+    if twice := next((name for name in panels if panels.count(name) > 1), None):
+        raise wrong(f"has '{twice}' twice", "remove one", "panels")
+    if others := [name for name in panels if not isinstance(name, str) or name not in quantities]:
+        raise wrong(*unknown(others[0], quantities), "panels")
+    return {key: value for key, value in data.items() if key != "panels"} | {"sweep": swept | {"of": panels}}
 
 
 def check_shown(case: Any) -> None:

@@ -13,6 +13,7 @@ from ..printing import as_csv, as_json, latex, sweeps, tables
 from ..printing.rows import DataTable, tables_of
 from ..printing.tables import StyledText, TextTable, printed, show_items
 from ..printing.text import new_console, printable
+from ..specs import sweep
 from ..specs.document import Document, SpecError
 from ..specs.figures import read_figure
 from ..statistics import claims
@@ -54,8 +55,8 @@ def _whole(read: list[Stored], of: Sequence[str]) -> SweptCase:
     swept: Any = read[0].about.swept
     quantities = [one for case in by_case(read) for one in claims.quantities(case)]
     known = dict.fromkeys(one.name for one in quantities)
-    if unknown := next((name for name in of if name not in known), None):
-        raise ValueError(f"panels: has '{unknown}'; of a sweep they are quantities: {', '.join(known)}")
+    if other := next((name for name in of if name not in known), None):
+        raise ValueError(f"panels: {'; '.join(sweep.unknown(other, known))}")
     shown = [curve for curve in curves(quantities, of or swept.of or read[0].headline) if curve.is_known]
     return SweptCase(swept.owner, swept.title, read, shown)
 
@@ -320,7 +321,7 @@ def film(results: StoredResults, **given: Any) -> "Film":
     kind: Any = results.attributes.get("kind")
     draw = getattr(KINDS[kind].figure, "film", None) if kind in KINDS else None
     if draw is None:
-        raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories; leave out --film")
+        raise ValueError(f"there is no film of results of kind {kind!r}, only of trajectories")
     with page.applied(page.named(**chosen(results, **given))):
         film: Film = draw(results.attributes.get("title", ""), by_case(readings(results)))
         return film

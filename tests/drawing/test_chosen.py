@@ -198,6 +198,24 @@ def test_the_second_swept_word_as_lines():
 
 
 @pytest.mark.parametrize(
+    ("claim", "labels", "title"),
+    [
+        (NAMED, {}, r"$\mathrm{binder}$"),
+        (NAMED, {"binder": "Binder cumulant"}, r"$\mathrm{Binder\ cumulant}$"),
+        (Claimed("equal", symbol=r"\mathrm{E}\,"), {}, r"$\mathrm{E}\,[\mathrm{binder}]$"),
+        (Claimed("equal"), {}, r"derived of $\mathrm{binder}$"),
+        (Claimed("equal"), {"derived": "mean"}, r"mean of $\mathrm{binder}$"),
+    ],
+)
+def test_the_title_of_a_map_says_its_quantity_as_axes_do(claim, labels, title):
+    (curve,) = swept("one", T, "T", second=True)
+    curve = curve._replace(points=tuple(point._replace(claim=claim) for point in curve.points))
+    with page.applied(page.named(labels=labels)):
+        (ax,) = sweeps.draw_maps("A title", [("", [curve], [])]).panels
+    assert ax.get_title(loc="left") == title
+
+
+@pytest.mark.parametrize(
     ("text", "shown"),
     [
         (r"at $\lambda = 4$", r"at $\lambda = 4$"),

@@ -77,6 +77,15 @@ def test_layers_above_a_sweep(spec):
     assert [case.name for case in found.cases] == ["damping=0", "damping=1"]
 
 
+def test_panels_of_a_sweep_are_its_quantities(spec):
+    """They change no number."""
+    chosen = "schemes", "panels: [casimir_drift]\nschemes"
+    assert spec(STRONG, *chosen).cases[0].sweep.of == ("casimir_drift",)
+    assert spec(STRONG, *chosen).hash == spec(STRONG).hash
+    assert spec(STRONG, *chosen, overrides=["panels=[order, error]"]).cases[0].sweep.of == ("order", "error")
+    assert spec(STRONG, *chosen).cases[0].panels == spec(STRONG).cases[0].panels
+
+
 def test_two_parameters(spec):
     """A case of each pair, equal to one that is written out; an override of one parameter leaves the other."""
     both = "sweep: {sigma: [0.5, 2], d: [1, 3, 4], of: error}\ndamping: d/4"

@@ -78,6 +78,7 @@ panels: [casimirs, hamiltonian, components]
     looks: ClassVar[frozenset[str]] = StepCase.looks | {"times"}
     unsaid: ClassVar = {**StepCase.unsaid, "every": 1, "save": (), "times": (), "functions": {}, "section": None}
     quantities: ClassVar = claimable(Trajectory)
+    sweeps_quantities: ClassVar[bool] = False
 
     @property
     def spacing(self) -> int:

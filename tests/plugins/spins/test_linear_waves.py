@@ -1,5 +1,7 @@
 """Linear waves of spins against closed forms, signs of their frequencies against the structure factor, and refusals."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from matplotlib.figure import Figure
@@ -7,6 +9,7 @@ from states import finished
 from test_spin_currents import SPINS
 
 from spi import storage
+from spi.drawing import page
 from spi.ensemble.protocol import geometry
 from spi.models.delegation import undamped
 from spi.plugins.dynamics.kinds.statistics import figure, study
@@ -132,7 +135,34 @@ def test_an_antiferromagnet_on_a_square_with_named_corners(spec, tmp_path):
     assert s.corners == ("G", "X", "M", "G")
     np.testing.assert_allclose(s.corner_q, [0, 0.5, 1, 1 + 0.5**0.5])
     storage.write(tmp_path / "a.h5", StoredResults({"kind": "statistics", "title": "t"}, (results.group(),)))
+    assert corners(s, results) == ("wave vector", [r"$\Gamma$", "X", "M", r"$\Gamma$"])
+    unnamed = replace(s, corners=None, corner_q=None)
+    names = [r"$\Gamma$", r"$(1/2,\,0)$", r"$(1/2,\,1/2)$", r"$\Gamma$"]
+    assert corners(unnamed, results) == ("wave vector, in reciprocal vectors", names)
+
+
+def corners(structure, results, columns=1):
+    """Label of the axis and names of its ticks, "" where one has no room, with so many panels side by side."""
+    results = replace(results, time=replace(results.time, structure=structure))
     (plot,) = figure._structure([results], {})
-    ax = Figure().add_subplot()
-    plot.own(ax)
-    assert [label.get_text() for label in ax.get_xticklabels()] == [r"$\Gamma$", "X", "M", r"$\Gamma$"]
+    ax = Figure(layout="constrained").add_subplot(1, columns, 1)
+    with page.applied():
+        plot.own(ax)
+    return plot.x, [label.get_text() for label in ax.get_xticklabels()]
+
+
+def test_corners_are_where_a_path_turns_and_names_have_room(spec):
+    """Not between two parts in one direction; on a line that is passed once ticks are numbers."""
+    case = spec(SPEC, GIVEN, "until: 4, spins: [x], through: [[0], [1/4], [1/2], [-1/8]]").cases[0]
+    plan = study.plan(case, Part("splitting_symmetric"))
+    results = plan.results(finished(plan))
+    s = results.time.structure
+    assert corners(s, results)[1] == [r"$\Gamma$", "$1/2$", "$-1/8$"]
+    once = replace(s, q=s.q[:5], wave_vector=s.wave_vector[:5], factor=s.factor[:5], mode=s.mode[:5])
+    label, numbers = corners(once, results)
+    assert label == r"wave vector $q/2\pi$" and len(numbers) > 3
+    cubic = np.array([[0, 0, 0], [4, 0, 0], [4, 1, 0], [0, 0, 0], [4, 4, 4]]) / 8
+    path = replace(s, q=np.array([0, 3, 3.5, 9, 16]) / 8, wave_vector=cubic, factor=s.factor[:5], mode=s.mode[:5])
+    names = [r"$\Gamma$", r"$(1/2,\,0,\,0)$", r"$(1/2,\,1/8,\,0)$", r"$\Gamma$", r"$(1/2,\,1/2,\,1/2)$"]
+    assert corners(path, results)[1] == names  # in two rows
+    assert corners(path, results, columns=6)[1] == [names[0], "", *names[2:]]

@@ -46,6 +46,7 @@ panels: [regimes]
     neutral: ClassVar[frozenset[str]] = FunctionsCase.neutral | {"accurate"}
     swept_in: ClassVar[tuple[str, ...]] = POINT
     most_swept: ClassVar[int] = 1
+    sweeps_quantities: ClassVar[bool] = False
     quantities: ClassVar = claimable(Stability)
 
     @condition

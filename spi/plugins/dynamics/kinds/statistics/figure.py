@@ -1,21 +1,24 @@
 """Figure of statistics: means with bands, quantiles, differences, variances, autocorrelations, densities, maps."""
 
 from collections.abc import Callable, Iterator, Sequence
+from fractions import Fraction
 from typing import Any
 
 import numpy as np
 from matplotlib.patches import Patch
 
-from spi.drawing import panels, plots, style
+from spi.drawing import page, panels, plots, style
 from spi.expressions import as_numpy, parse_expression
 from spi.plugins.dynamics.drawing import maps
 from spi.specs.panels import Panels
 from spi.statistics.estimators import RESOLVED
 
-from .results import Statistics
+from .results import Statistics, Structure
 
 _EDGE: dict[str, Any] = {"linestyle": ":", "linewidth": 0.8}  # of a band between quantiles
 _GAMMA = r"$\Gamma$"  # the centre of a Brillouin zone
+_SECOND = 1.7  # distance of a second row of names from an axis, in their letters
+_BESIDE = 3  # margins beside the frame of a panel with a colour bar
 
 
 def _has_law(reading: Statistics, f: int) -> bool:
@@ -127,6 +130,47 @@ def _map(ax: plots.Axes, reading: Statistics, m: int | None, readings: Sequence[
     return []
 
 
+def _corners(s: Structure) -> tuple[plots.Array, list[str]]:
+    """Places on the path of wave vectors where its direction changes, and both ends, with their names.
+
+    These are those of the spec, or else the wave vector in fractions of reciprocal vectors.
+    """
+    if s.corners is not None and s.corner_q is not None:
+        return s.corner_q, [_GAMMA if name in ("G", "Gamma") else style.plain(name) for name in s.corners]
+    steps = np.diff(s.wave_vector, axis=0)
+    direction = steps / np.linalg.norm(steps, axis=1, keepdims=True)
+    turns = 1 + np.flatnonzero(abs(np.diff(direction, axis=0)).max(axis=1, initial=0.0) > 1e-6)
+    at = np.unique([0, *turns, len(s.q) - 1])
+    return s.q[at], [_as_fractions(q) for q in s.wave_vector[at]]
+
+
+def _as_fractions(q: plots.Array) -> str:
+    r"""A wave vector in mathtext, as in ``$(1/2,\,0)$``."""
+    if not q.any():
+        return _GAMMA
+    parts = r",\,".join(str(Fraction(part).limit_denominator(10**6)) for part in q.tolist())
+    return f"${parts}$" if len(q) == 1 else f"$({parts})$"
+
+
+def _name_corners(ax: plots.Axes, s: Structure) -> None:
+    """A line at each corner of the path of wave vectors, and their names in two rows, as far as these have room."""
+    places, names = _corners(s)
+    for place in places[1:-1]:
+        ax.axvline(place, color="black", linewidth=0.5)
+    layout, place = page.current().layout, ax.get_subplotspec()
+    columns = place.get_gridspec().ncols if place else 1
+    width = layout.width / columns if layout.width else layout.panel_width(columns)
+    scale = (width - _BESIDE * layout.margin) / max(float(np.ptp(s.q)), 1e-9)
+    half = [0.5 * (style.inches(name, "xtick.labelsize") + layout.tick_gap / 72) for name in names]
+    rows: list[list[int]] = [[], []]
+    for i in (0, *range(len(names) - 1, 0, -1)):  # the ends first
+        free = (row for row in rows if all(scale * abs(places[i] - places[j]) > half[i] + half[j] for j in row))
+        next(free, []).append(i)
+    ax.set_xticks(places, [name if i in rows[0] + rows[1] else "" for i, name in enumerate(names)])
+    for i in rows[1]:
+        ax.xaxis.get_major_ticks()[i].set_pad(_SECOND * layout.ticks)
+
+
 def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[plots.Plot]:
     """Structure factor of the first scheme in colours, with a mark for each linear wave, known at these q alone."""
     reading = readings[0]
@@ -135,16 +179,18 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
     omega, s = reading.time.omega, reading.time.structure
     share = s.factor / s.mode[:, :1]
     top = omega[np.flatnonzero((share > 1e-2 * share.max()).any(axis=0))[-1]]  # above it there is next to nothing
+    is_line = s.corners is None and s.wave_vector.shape[1] == 1 and bool((np.diff(s.wave_vector[:, 0]) > 0).all())
+    label = "wave vector"
+    if s.corners is None:
+        label += r" $q/2\pi$" if is_line else ", in reciprocal vectors"
 
     def own(ax: plots.Axes) -> list[plots.LegendEntry]:
         values = np.maximum(share, 1e-3 * share.max())
         drawn = ax.pcolormesh(s.q, omega, values.T, shading="nearest", cmap="YlGnBu", norm="log", rasterized=True)
         ax.figure.colorbar(drawn, ax=ax, label=r"$S(q,\omega)\,/\,S(q)$")
         ax.set(ylim=(0, min(1.1 * float(top), omega[-1])))
-        if s.corners is not None and s.corner_q is not None:
-            ax.set_xticks(s.corner_q, [_GAMMA if name in ("G", "Gamma") else style.plain(name) for name in s.corners])
-            for place in s.corner_q[1:-1]:
-                ax.axvline(place, color="black", linewidth=0.5)
+        if not is_line:
+            _name_corners(ax, s)
         size = float(np.clip(150 / len(s.q), 2.5, 5.5))
         looks = (
             ("linear waves", s.waves, "o", "black"),
@@ -158,7 +204,7 @@ def _structure(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[p
 
     yield plots.Plot(
         title=f"structure factor, {style.label(reading.about)}",
-        x="wave vector $q/2\\pi$ along its path" if s.corners is None else "wave vector",
+        x=label,
         y=r"angular frequency $\omega$",
         own=own,
     )
