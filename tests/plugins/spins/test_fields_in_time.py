@@ -2,8 +2,10 @@
 
 import numpy as np
 import pytest
+from trajectory_results import trajectories, trajectory_group
 
-from spi import storage
+from spi import storage, views
+from spi.kinds.trajectory.results import Values
 from spi.plugins.spins.models.driving import value_at
 from spi.running.run import run
 
@@ -123,3 +125,22 @@ def test_what_is_refused(error):
         ),
     ]:
         assert message in error(SPEC, *replaced)
+
+
+@pytest.mark.parametrize(
+    ("functions", "label", "factor"), [({}, r"$\langle s_y\rangle$", 1), ({"m": "my", "e": "H"}, "$m$", 2)]
+)
+def test_a_loop_is_over_the_field_and_named_as_its_function(functions, label, factor):
+    """The mean of the spins, or the function of the spec that is the mean of mu s, here with mu = 2."""
+    t = np.linspace(0, 1, 9)
+    y = np.tile(np.stack([0 * t, np.cos(t), np.sin(t)], axis=1), 2)
+    value = np.array([factor * np.cos(t), 5 + t])[: len(functions)]
+    names, texts = tuple(functions), tuple(functions.values())
+    values = Values(functions=names, texts=texts, value=value) if functions else None
+    group = trajectory_group(
+        "splitting", t, y, np.ones((9, 1)), panels=("loop",), values=values, model_field=("0.0", "sin(3*t)", "0.5")
+    )
+    (ax,) = views.figure(trajectories(group)).panels
+    assert (ax.get_ylabel(), ax.get_xlabel()) == (label, "field $B_y$")
+    np.testing.assert_allclose(ax.lines[0].get_xydata(), np.stack([np.sin(3 * t), factor * np.cos(t)], axis=1))
+    assert ax.get_ylim()[1] == pytest.approx(1.1 * factor)

@@ -105,18 +105,23 @@ SPINS = [panels.OwnPanels(_spins)]
 
 
 def _loops(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.Plot]:
-    """The mean of the spins along the field over the field, for the first component of it that depends on time."""
+    """The mean of the spins along the field over the field, for the first component of it that depends on time.
+
+    Where the spec has the function ``mx``, ``my`` or ``mz`` it is that, the mean of mu s, under its name.
+    """
     for one in readings:
         field = np.reshape(np.array(one.about.parameters["field"], object).astype(str), (-1, 3))[0]
         t = one.t + float(one.about.parameters.get("initial_time", 0.0))
         component, b = next((c, b) for c, text in enumerate(field) if np.ptp(b := _course(text, t)) > 0)
         x = "xyz"[component]
-        m = one.y.reshape(len(one.t), -1, 3)[..., component].mean(axis=1)
+        m, name = one.y.reshape(len(one.t), -1, 3)[..., component].mean(axis=1), f"$\\langle s_{x}\\rangle$"
+        if one.values and f"m{x}" in one.values.texts:
+            f = one.values.texts.index(f"m{x}")
+            m, name = one.values.value[f], style.named(one.values.functions[f])
         look = {"color": "#0072B2", "linewidth": 1.0}
         line = plots.series(b, m, look)._replace(x=b, y=m)  # in the order of time
-        yield plots.Plot(
-            [line], title=one.about.case_title, x=f"field $B_{x}$", y=f"$\\langle s_{x}\\rangle$", ylim=(-1.1, 1.1)
-        )
+        most = 1.1 * max(1.0, float(np.nanmax(abs(m), initial=0.0)))
+        yield plots.Plot([line], style.label(one.about), f"field $B_{x}$", name, ylim=(-most, most))
 
 
 def _course(text: str, t: np.ndarray) -> np.ndarray:
