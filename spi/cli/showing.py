@@ -113,7 +113,7 @@ def plot(
 ) -> None:
     """Draw figures from stored results: <out>/<name>.pdf and .png."""
     from .. import views
-    from ..drawing.style import caption
+    from ..drawing.style import caption, has_caption
 
     try:
         read_figure(chosen)
@@ -132,7 +132,7 @@ def plot(
         folder, is_paper = out or path.parent, words.get("style") == "paper"
         for written in views.save(figure, folder, f"{path.stem}_paper" if is_paper else path.stem):
             tell(f"wrote {written}")
-        if is_paper or words.get("title") is False:
+        if has_caption(figure):
             tell(f"caption: {caption(figure)}")
         for option, form in films.items():
             with _about(path, f"; leave out {option}"):

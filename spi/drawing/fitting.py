@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.legend import Legend
 from matplotlib.text import Text
 
 from . import page, plots, style
@@ -101,7 +102,7 @@ def _break_labels(ax: Axes) -> None:
 
 
 def _free_legends(fig: Figure) -> None:
-    """Move legends within panels to where they cover no line, else no results, above these if that is nowhere else."""
+    """Move legends within panels to where they cover no line, else no results; else above these, or below the figure."""
     for ax in fig.axes:
         legend = ax.get_legend()
         if legend is None:
@@ -115,16 +116,29 @@ def _free_legends(fig: Figure) -> None:
                 break
         else:
             legend.set_loc(_CORNERS[0])
-            _raise_top(ax, box.height / ax.get_window_extent().height + _ROOM)
+            place, share = ax.get_window_extent(), box.height / ax.get_window_extent().height + _ROOM
+            if "ylim" in page.current().chosen or share > _MOST_ROOM or box.width > place.width:
+                _move_below(fig, legend)
+            else:
+                _raise_top(ax, share)
 
 
 def _raise_top(ax: Axes, share: float) -> None:
-    """Give a panel a share of its height above what it shows, unless a person chose its limits."""
-    if "ylim" not in page.current().chosen and share < _MOST_ROOM:
-        scale = ax.yaxis.get_transform()
-        low, high = scale.transform(np.array(ax.get_ylim()))
-        ax.set_ylim(top=float(scale.inverted().transform(low + (high - low) / (1.0 - share))))
-        plots.part_ends(ax)
+    """Give a panel a share of its height above what it shows."""
+    scale = ax.yaxis.get_transform()
+    low, high = scale.transform(np.array(ax.get_ylim()))
+    ax.set_ylim(top=float(scale.inverted().transform(low + (high - low) / (1.0 - share))))
+    plots.part_ends(ax)
+
+
+def _move_below(fig: Figure, legend: Legend) -> None:
+    """Write the legend of a panel below the figure, in columns as wide as it is."""
+    columns = max(1, int(page.current().layout.legend_fill * fig.bbox.width / legend.get_window_extent().width))
+    texts = [text.get_text() for text in legend.get_texts()]
+    look: dict[str, Any] = {"frameon": False, "handlelength": page.current().layout.handle}
+    fig.legend(legend.legend_handles, texts, loc="outside lower center", ncols=columns, **look)
+    legend.remove()
+    fig.get_layout_engine().execute(fig)
 
 
 def _break(text: Text, room: float) -> None:

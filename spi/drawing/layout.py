@@ -64,7 +64,9 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> PanelFigure
     height = sum(heights) + layout.panel_line * (lines + len(legend_rows)) + layout.below
     _check_height(len(rows), height - sum(heights))
     beside = layout.names if legend.named and layout.width is None else 0.0
-    style.dress(fig, width + beside, height, title, facts)
+    within = len(legend.entries) if place == "inside" else 0
+    least = len(rows) * layout.fair + height - sum(heights) + layout.panel_line * within
+    style.dress(fig, width + beside, height, title, facts, least)
     _name_lines(drawn, legend)
     if legend_rows:
         _write_legend(fig, legend_rows)
@@ -110,7 +112,7 @@ def _legend_of(drawn: Sequence[_Drawn]) -> _Legend:
 
 
 def _check_height(rows: int, around: float) -> None:
-    """Raise ValueError if a figure of a given height has no room for its rows of panels; its titles may take more."""
+    """Raise ValueError if a figure of a given height has no room for its rows of panels, were its title in the caption."""
     layout = page.current().layout
     least = rows * layout.lowest + around
     if layout.height is not None and layout.height < least:

@@ -49,6 +49,7 @@ class Layout(NamedTuple):
     paper_shape: float = 0.7  #: of the frame of a panel in a paper
     tallest: float = 2.9  #: height of the frame of a panel in a paper at most
     lowest: float = 0.8  #: height of a row of panels in a figure of a given height, at least
+    fair: float = 1.3  #: height of a row below which the parameters, and then the title, go into the caption
 
     # Titles and labels.
     above: float = 0.1  #: above the title of a figure

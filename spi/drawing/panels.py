@@ -144,7 +144,7 @@ class CurvePanel(NamedTuple):
 
     def _label(self, text: str, name: str) -> str:
         """Label of the vertical axis: as a person named the field, by its template, or its text and a name."""
-        if own := page.current().chosen.get("labels", {}).get(self.field):
+        if own := page.label(self.field):
             return style.plain(own)
         return (
             self.label.format(f=name.strip("$"), name=name) if self.label else " of ".join(filter(None, (text, name)))

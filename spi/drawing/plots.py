@@ -114,6 +114,9 @@ class Plot(NamedTuple):
             return self
         if log := chosen.get("log", ""):
             plot = self._scaled(log)
+        for name, is_log in (("xlim", plot.xscale != "linear"), ("ylim", plot.log)):
+            if name in chosen and is_log and chosen[name][0] <= 0:
+                raise ValueError(f"{name}: begins at {chosen[name][0]:g}; must be positive on a logarithmic axis")
         if "xlim" in chosen:
             low, high = chosen["xlim"]
             plot = plot._replace(xlim=(low, high), series=tuple(line.within(low, high) for line in plot.series))

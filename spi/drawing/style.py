@@ -134,7 +134,7 @@ def in_overlay(about: Description, alone: bool) -> Description:
 
 def named(name: str, variables: tuple[str, ...] = ()) -> str:
     """Name of a function or quantity in mathematics: the label that a person chose, or the name set as such."""
-    label = page.current().chosen.get("labels", {}).get(name)
+    label = page.label(name)
     if label is None:
         return maths(name, variables)
     parts = plain(label).split("$")  # every other one is mathematics already
@@ -155,16 +155,19 @@ def _indexed(name: str) -> str:
 
 def word(name: str) -> str:
     """Label of a parameter on an axis: one that a person chose, or in mathtext if there is a symbol for it."""
-    if label := page.current().chosen.get("labels", {}).get(name):
+    if label := page.label(name):
         return plain(label)
     named = symbol(name)
     return f"${named}$" if named else plain(name.replace("_", " "))
 
 
-def dress(fig: Figure, width: float, height: float, title: str, parameters: Iterable[str]) -> None:
+def dress(
+    fig: Figure, width: float, height: float, title: str, parameters: Iterable[str], least: float = 0.0
+) -> None:
     """Give a figure of ``width`` and ``height`` inches for its panels a title and a line of parameters above them.
 
-    In a paper both belong in the caption, see :func:`caption`, and the figure is as wide as its column.
+    In a paper both belong in the caption, see :func:`caption`, and the figure is as wide as its column.  In a figure of
+    a given height the caption has what does not leave its panels ``least`` inches: the parameters, else the title, too.
     """
     page.remember(fig)
     FigureCanvasAgg(fig)  # which remembers the sizes of texts, unlike the canvas that a figure begins with
@@ -176,20 +179,30 @@ def dress(fig: Figure, width: float, height: float, title: str, parameters: Iter
         fig.set_size_inches(width, layout.height or 1.3 * height)  # which is fitted when all is drawn
         fig.set_layout_engine(ConstrainedLayoutEngine(**pads))
         return
-    if page.current().chosen.get("title") is False:
-        fig.set_size_inches(width, layout.height or height)
-        fig.set_layout_engine(ConstrainedLayoutEngine(**pads))
-        return
     titles = wrapped((word.rstrip() for word in WORD.findall(plain(title))), " ", "figure.titlesize", width)
     lines = wrapped(parameters, ",  ", "legend.fontsize", width)
-    top = layout.heading + layout.title_line * len(titles) + layout.facts_line * len(lines)
-    height = layout.height or height + top
+
+    def top() -> float:
+        return bool(titles) * layout.heading + layout.title_line * len(titles) + layout.facts_line * len(lines)
+
+    is_off = page.current().chosen.get("title") is False
+    for part in (lines, titles):
+        if is_off or (layout.height is not None and layout.height - top() < least):
+            part.clear()
+    height = layout.height or height + top()
     fig.set_size_inches(width, height)
-    fig.set_layout_engine(ConstrainedLayoutEngine(rect=(0, 0, 1, 1 - top / height), **pads))
+    fig.set_layout_engine(ConstrainedLayoutEngine(rect=(0, 0, 1, 1 - top() / height), **pads))
     middle: dict[str, Any] = {"x": 0.5, "ha": "center", "va": "top", "linespacing": layout.heading_spacing}
-    fig.text(y=1 - layout.above / height, s="\n".join(titles), fontsize=layout.title, **middle)
-    under = layout.facts_above + layout.title_line * len(titles)
-    fig.text(y=1 - under / height, s="\n".join(lines), fontsize=layout.facts, color="#444444", **middle)
+    if titles:
+        fig.text(y=1 - layout.above / height, s="\n".join(titles), fontsize=layout.title, **middle)
+    if lines:
+        under = layout.facts_above + layout.title_line * len(titles)
+        fig.text(y=1 - under / height, s="\n".join(lines), fontsize=layout.facts, color="#444444", **middle)
+
+
+def has_caption(fig: Figure) -> bool:
+    """Whether title or parameters are left to the caption of a figure."""
+    return len(fig.texts) < 2
 
 
 def caption(fig: Figure) -> str:
@@ -423,7 +436,7 @@ def value_of(axis: str, value: float) -> str:
 
 def axis_label(record: Any, axis: str) -> str:
     """Label of a horizontal axis."""
-    if label := page.current().chosen.get("labels", {}).get(axis):
+    if label := page.label(axis):
         return plain(label)
     return word(record.word) if axis == "value" else AXES.get(axis, axis)
 

@@ -244,18 +244,18 @@ def _is_error(curve: Curve) -> bool:
 
 def _name(curve: Curve) -> str:
     """Name of the quantity: a label that a person chose, or that in print."""
-    return style.plain(page.current().chosen.get("labels", {}).get(curve.name, curve.label))
+    return style.plain(page.label(curve.name) or curve.label)
 
 
 def _label(curves: Sequence[Curve], shared: float | None) -> str:
     """Label of a panel: its quantity, and at which step size unless all panels `shared` that."""
     first, steps = curves[0], {curve.h for curve in curves}
-    name, labels = _name(first), page.current().chosen.get("labels", {})
-    if first.function and first.name not in labels:
+    name = _name(first)
+    if first.function and not page.label(first.name):
         function = style.named(first.function, first.about.variables).strip("$")
         if first.claim.symbol:
             name = f"${first.claim.symbol}[{function}]$"
-        elif first.function in labels or first.claim.is_named:
+        elif page.label(first.function) or first.claim.is_named:
             name = f"${function}$"
     if steps in ({None}, {shared}):
         return name

@@ -275,6 +275,7 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
             if over
             else KINDS[kind].figure.draw(heading, by_case(read))
         )
+        page.check_labels(read_figure(given).get("labels", {}))
         fitting.settle(drawn)
         return drawn
 

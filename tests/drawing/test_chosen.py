@@ -108,6 +108,10 @@ def test_a_legend_within_a_panel_covers_no_results(power):
         (["--panels", "error,error"], "--panels: has 'error' twice; remove one"),
         (["--panels", "eror"], "r.h5: 'eror' is not a known panel; known panels: error, final, casimirs"),
         (["--labels", "error"], "--labels: is 'error'; must be labels by name"),
+        (["--labels", "eror=E"], "r.h5: labels: has 'eror'; did you mean 'error'?"),
+        (["--labels", "binder=B"], "r.h5: labels: has 'binder'; this figure has error, h"),
+        (["--xlim", "0..1"], "r.h5: xlim: begins at 0; must be positive on a logarithmic axis"),
+        (["--ylim=-1..1"], "r.h5: ylim: begins at -1; must be positive on a logarithmic axis"),
     ],
 )
 def test_a_wrong_choice_is_refused_in_one_line(options, message, tmp_path, monkeypatch):
@@ -115,6 +119,18 @@ def test_a_wrong_choice_is_refused_in_one_line(options, message, tmp_path, monke
     storage.write("r.h5", errors())
     code, out, err = call("plot", "r.h5", *options)
     assert code in (1, 2) and (out, err.count("\n")) == ("", 1) and err.startswith(f"spi: {message}")
+
+
+@pytest.mark.parametrize("legend", ["below", "inside"])
+@pytest.mark.parametrize(("size", "texts"), [("8.6x6cm", 0), ("8.6x7cm", 1), ("8.6x11cm", 2)])
+def test_what_a_small_figure_has_no_room_for_is_the_caption(size, texts, legend):
+    """First the parameters and then the title, so that panels are seen; a legend that no panel has room for is below."""
+    fig = views.figure(errors(), size=size, legend=legend)
+    assert len(fig.texts) == texts and style.has_caption(fig) == (texts < 2)
+    assert "midpoint" in " ".join(text.get_text() for text in (fig.legends or [fig.axes[0].get_legend()])[0].texts)
+    with page.applied(page.of(fig)):
+        assert [one for one in collisions(fig) if "legend" not in one or fig.legends] == []
+    assert fig.axes[0].get_window_extent().height > 0.4 * fig.dpi
 
 
 def test_a_label_without_room_is_its_words(tmp_path):
