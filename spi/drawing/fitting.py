@@ -102,7 +102,7 @@ def _break_labels(ax: Axes) -> None:
 
 
 def _free_legends(fig: Figure) -> None:
-    """Move legends within panels to where they cover no line, else no results; else above these, or below the figure."""
+    """Move legends within panels to where they cover no line, else no results; else above these or below."""
     for ax in fig.axes:
         legend = ax.get_legend()
         if legend is None:

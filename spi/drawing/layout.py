@@ -112,7 +112,7 @@ def _legend_of(drawn: Sequence[_Drawn]) -> _Legend:
 
 
 def _check_height(rows: int, around: float) -> None:
-    """Raise ValueError if a figure of a given height has no room for its rows of panels, were its title in the caption."""
+    """Raise ValueError if a figure of a given height has no room for its rows of panels, even without a title."""
     layout = page.current().layout
     least = rows * layout.lowest + around
     if layout.height is not None and layout.height < least:

@@ -161,9 +161,7 @@ def word(name: str) -> str:
     return f"${named}$" if named else plain(name.replace("_", " "))
 
 
-def dress(
-    fig: Figure, width: float, height: float, title: str, parameters: Iterable[str], least: float = 0.0
-) -> None:
+def dress(fig: Figure, width: float, height: float, title: str, parameters: Iterable[str], least: float = 0.0) -> None:
     """Give a figure of ``width`` and ``height`` inches for its panels a title and a line of parameters above them.
 
     In a paper both belong in the caption, see :func:`caption`, and the figure is as wide as its column.  In a figure of

@@ -124,7 +124,7 @@ def test_a_wrong_choice_is_refused_in_one_line(options, message, tmp_path, monke
 @pytest.mark.parametrize("legend", ["below", "inside"])
 @pytest.mark.parametrize(("size", "texts"), [("8.6x6cm", 0), ("8.6x7cm", 1), ("8.6x11cm", 2)])
 def test_what_a_small_figure_has_no_room_for_is_the_caption(size, texts, legend):
-    """First the parameters and then the title, so that panels are seen; a legend that no panel has room for is below."""
+    """First the parameters and then the title; a legend that no panel has room for is below."""
     fig = views.figure(errors(), size=size, legend=legend)
     assert len(fig.texts) == texts and style.has_caption(fig) == (texts < 2)
     assert "midpoint" in " ".join(text.get_text() for text in (fig.legends or [fig.axes[0].get_legend()])[0].texts)
