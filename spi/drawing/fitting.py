@@ -136,9 +136,11 @@ def _move_below(fig: Figure, legend: Legend) -> None:
     columns = max(1, int(page.current().layout.legend_fill * fig.bbox.width / legend.get_window_extent().width))
     texts = [text.get_text() for text in legend.get_texts()]
     look: dict[str, Any] = {"frameon": False, "handlelength": page.current().layout.handle}
-    fig.legend(legend.legend_handles, texts, loc="outside lower center", ncols=columns, **look)
+    handles: Any = legend.legend_handles
+    fig.legend(handles, texts, loc="outside lower center", ncols=columns, **look)
     legend.remove()
-    fig.get_layout_engine().execute(fig)
+    if (engine := fig.get_layout_engine()) is not None:
+        engine.execute(fig)
 
 
 def _break(text: Text, room: float) -> None:
