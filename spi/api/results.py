@@ -303,7 +303,9 @@ class Results:
             return draw_into(ax, self, quantity, look)
         ignored = [*([] if quantity is None else ["quantity"]), *(name for name in look if name not in FIGURE_KEYS)]
         if ignored:
-            raise ValueError(f"{', '.join(ignored)}: only for curves in given axes; give ax as well")
+            near = difflib.get_close_matches(ignored[0], FIGURE_KEYS, 1)
+            remedy = "give ax as well" + (f", or did you mean '{near[0]}'?" if near else "")
+            raise ValueError(f"{', '.join(ignored)}: only for curves in given axes; {remedy}")
         return views.figure(self.stored, **look)
 
     def __repr__(self) -> str:

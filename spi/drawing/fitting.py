@@ -11,7 +11,7 @@ import numpy as np
 from matplotlib import ticker
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from matplotlib.legend import Legend
+from matplotlib.lines import Line2D
 from matplotlib.text import Text
 
 from . import page, plots, style
@@ -39,7 +39,8 @@ def settle(fig: Figure) -> None:
     engine.execute(fig)
     for ax in fig.axes:
         _break_titles(ax)
-    _free_legends(fig)
+    if _free_legends(fig):
+        engine.execute(fig)
     if page.current().layout.width is None:
         return
     _break_legends(fig)
@@ -56,7 +57,10 @@ def settle(fig: Figure) -> None:
         for axis in (ax.xaxis, ax.yaxis):
             _thin(axis)
     engine.execute(fig)
-    _free_legends(fig)
+    if _free_legends(fig):
+        engine.execute(fig)
+        if page.current().is_paper and _fit_height(fig):
+            engine.execute(fig)
     for ax in fig.axes:
         plots.part_ends(ax)
     _SETTLED.add(fig)
@@ -101,8 +105,12 @@ def _break_labels(ax: Axes) -> None:
         _break(label, room)
 
 
-def _free_legends(fig: Figure) -> None:
-    """Move legends within panels to where they cover no line, else no results; else above these or below."""
+def _free_legends(fig: Figure) -> bool:
+    """Move legends within panels to where they cover no line, else no results, else above these.
+
+    One that has no room there moves below the figure; returns whether one did.
+    """
+    moved = False
     for ax in fig.axes:
         legend = ax.get_legend()
         if legend is None:
@@ -115,12 +123,17 @@ def _free_legends(fig: Figure) -> None:
             if not any(path.intersects_bbox(box, filled=False) for path in paths):
                 break
         else:
-            legend.set_loc(_CORNERS[0])
-            place, share = ax.get_window_extent(), box.height / ax.get_window_extent().height + _ROOM
-            if "ylim" in page.current().chosen or share > _MOST_ROOM or box.width > place.width:
-                _move_below(fig, legend)
-            else:
+            share = box.height / ax.get_window_extent().height + _ROOM
+            if share < _MOST_ROOM and "ylim" not in page.current().chosen:
+                legend.set_loc(_CORNERS[0])
                 _raise_top(ax, share)
+            else:
+                texts = [text.get_text() for text in legend.get_texts()]
+                entries: Any = list(zip(legend.legend_handles, texts, strict=True))
+                legend.remove()
+                write_legend(fig, legend_rows(entries, float(fig.get_size_inches()[0])))
+                moved = True
+    return moved
 
 
 def _raise_top(ax: Axes, share: float) -> None:
@@ -131,16 +144,29 @@ def _raise_top(ax: Axes, share: float) -> None:
     plots.part_ends(ax)
 
 
-def _move_below(fig: Figure, legend: Legend) -> None:
-    """Write the legend of a panel below the figure, in columns as wide as it is."""
-    columns = max(1, int(page.current().layout.legend_fill * fig.bbox.width / legend.get_window_extent().width))
-    texts = [text.get_text() for text in legend.get_texts()]
-    look: dict[str, Any] = {"frameon": False, "handlelength": page.current().layout.handle}
-    handles: Any = legend.legend_handles
-    fig.legend(handles, texts, loc="outside lower center", ncols=columns, **look)
-    legend.remove()
-    if (engine := fig.get_layout_engine()) is not None:
-        engine.execute(fig)
+def legend_rows(entries: Sequence[plots.LegendEntry], width: float) -> list[list[plots.LegendEntry]]:
+    """Entries in as few rows as a figure of some inches has room for, all filled up to one length."""
+    if not entries:
+        return []
+    layout = page.current().layout
+    blank: plots.LegendEntry = Line2D([], [], linestyle="none"), " "
+    for columns in range(len(entries), 0, -1):
+        rows = [list(entries[i : i + columns]) for i in range(0, len(entries), columns)]
+        rows[-1] += [blank] * (columns - len(rows[-1]))
+        widths = [
+            max(style.inches(text, "legend.fontsize") for _, text in column) for column in zip(*rows, strict=True)
+        ]
+        if sum(widths) + (layout.beside + layout.gap) * columns < width - layout.side:
+            break
+    return rows
+
+
+def write_legend(fig: Figure, rows: Sequence[Sequence[plots.LegendEntry]]) -> None:
+    """Write a legend below all panels."""
+    layout = page.current().layout
+    artists, texts = zip(*(entry for column in zip(*rows, strict=True) for entry in column), strict=True)
+    look: dict[str, Any] = {"frameon": False, "handlelength": layout.handle, "columnspacing": layout.between}
+    fig.legend(artists, texts, loc="outside lower center", ncols=len(rows[0]), **look)
 
 
 def _break(text: Text, room: float) -> None:

@@ -60,7 +60,7 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> PanelFigure
     if legend.beside_slopes:
         for one in drawn:
             plots.write_slopes(one.ax)
-    legend_rows = _legend_rows(legend.entries, width) if place == "below" else []
+    legend_rows = fitting.legend_rows(legend.entries, width) if place == "below" else []
     height = sum(heights) + layout.panel_line * (lines + len(legend_rows)) + layout.below
     _check_height(len(rows), height - sum(heights))
     beside = layout.names if legend.named and layout.width is None else 0.0
@@ -69,7 +69,7 @@ def arranged(title: str, cases: Sequence[Case], facts: list[str]) -> PanelFigure
     style.dress(fig, width + beside, height, title, facts, least)
     _name_lines(drawn, legend)
     if legend_rows:
-        _write_legend(fig, legend_rows)
+        fitting.write_legend(fig, legend_rows)
     if place == "inside" and legend.entries:
         _write_inside(drawn, legend.entries)
     return fig
@@ -130,15 +130,8 @@ def _name_lines(drawn: Sequence[_Drawn], legend: _Legend) -> None:
         unnamed = unnamed - {(end.label, end.colour) for end in one.ends}
 
 
-def _write_legend(fig: Figure, rows: Sequence[Sequence[plots.LegendEntry]]) -> None:
-    layout = page.current().layout
-    artists, texts = zip(*(entry for column in zip(*rows, strict=True) for entry in column), strict=True)
-    look: dict[str, Any] = {"frameon": False, "handlelength": layout.handle, "columnspacing": layout.between}
-    fig.legend(artists, texts, loc="outside lower center", ncols=len(rows[0]), **look)
-
-
 def _write_inside(drawn: Sequence[_Drawn], entries: Sequence[plots.LegendEntry]) -> None:
-    """Write a legend into the first panel that has lines; ``fitting.settle`` finds its place."""
+    """Write a legend into the first panel that has lines; ``fitting.settle`` finds its place, or moves it below."""
     ax = next((one.ax for one in drawn if one.ends), drawn[0].ax)
     handles, texts = zip(*entries, strict=True)
     look: dict[str, Any] = {"frameon": True, "framealpha": 0.85, "edgecolor": "none"}
@@ -288,20 +281,3 @@ def _merged(entries: Sequence[plots.LegendEntry], schemes: set[str]) -> list[plo
     merged = [(by_text[text], text) for text in texts if text not in both]
     dashes = {text: getattr(handle, "get_linestyle", lambda: "-")() for handle, text in merged}
     return sorted(merged, key=lambda entry: (entry[1] not in schemes, dashes[entry[1]] == "None"))
-
-
-def _legend_rows(entries: Sequence[plots.LegendEntry], width: float) -> list[list[plots.LegendEntry]]:
-    """Entries in as few rows as a figure of some inches has room for, all filled up to one length."""
-    if not entries:
-        return []
-    layout = page.current().layout
-    blank: plots.LegendEntry = Line2D([], [], linestyle="none"), " "
-    for columns in range(len(entries), 0, -1):
-        rows = [list(entries[i : i + columns]) for i in range(0, len(entries), columns)]
-        rows[-1] += [blank] * (columns - len(rows[-1]))
-        widths = [
-            max(style.inches(text, "legend.fontsize") for _, text in column) for column in zip(*rows, strict=True)
-        ]
-        if sum(widths) + (layout.beside + layout.gap) * columns < width - layout.side:
-            break
-    return rows

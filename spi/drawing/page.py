@@ -4,7 +4,7 @@ import contextlib
 import difflib
 import math
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from contextvars import ContextVar
 from types import MappingProxyType
 from typing import Any, NamedTuple
@@ -57,6 +57,7 @@ class Page(NamedTuple):
     is_paper: bool = False  #: whether title and parameters are left to a caption
     family: str | None = None  #: of letters; None: that of a screen
     chosen: Mapping[str, Any] = MappingProxyType({})  #: what a person chose of panels, by name
+    looked_up: set[str] | None = None  #: the names for which labels were looked up so far
 
     @property
     def settings(self) -> dict[str, Any]:
@@ -69,6 +70,18 @@ class Page(NamedTuple):
         math_fonts |= {f"mathtext.{style}": f"{self.family}{word}" for style, word in styles.items()}
         # Letters that the family lacks are taken from one that has them.
         return look | math_fonts | {"font.family": [self.family, FAMILIES["sans"]]}
+
+    def label(self, name: str) -> str | None:
+        """Label that a person chose for what has this name; None if there is none."""
+        if self.looked_up is not None:
+            self.looked_up.add(name)
+        label: str | None = self.chosen.get("labels", {}).get(name)
+        return label
+
+    def check_labels(self, names: Iterable[str]) -> None:
+        """Raise ValueError about the first of some names that nothing in the figure has, which is drawn by now."""
+        if self.looked_up and (other := next((name for name in names if name not in self.looked_up), None)):
+            raise ValueError(f"labels: has '{other}'; {meant(other, sorted(self.looked_up))}")
 
     def overlays_cases(self) -> bool:
         """Whether the lines of all cases stand in one panel."""
@@ -194,7 +207,13 @@ def named(
     if font_size is not None:
         layout = layout.with_letters(letters(font_size))
     font = font or ("serif" if is_paper else None)
-    return Page(layout, is_paper, family(font) if font else None, chosen)
+    return Page(layout, is_paper, family(font) if font else None, chosen, set())
+
+
+def meant(name: str, known: Collection[str]) -> str:
+    """Advice about a name that is none of those known."""
+    near = difflib.get_close_matches(name, known, 1)
+    return f"did you mean '{near[0]}'?" if near else f"known: {', '.join(known)}"
 
 
 def letters(size: str | float) -> float:

@@ -144,7 +144,7 @@ class CurvePanel(NamedTuple):
 
     def _label(self, text: str, name: str) -> str:
         """Label of the vertical axis: as a person named the field, by its template, or its text and a name."""
-        if own := page.label(self.field):
+        if own := page.current().label(self.field):
             return style.plain(own)
         return (
             self.label.format(f=name.strip("$"), name=name) if self.label else " of ".join(filter(None, (text, name)))
@@ -294,7 +294,7 @@ class Figures(NamedTuple):
         facts = [
             self.facts(records) if callable(self.facts) else style.facts(records[0], *self.facts) for records in cases
         ]
-        if len(cases) > 1 and page.current().overlays_cases():
+        if page.current().overlays_cases() and len(cases) > 1:
             cases = [overlaid(cases)]
             facts = [dict(item for item in facts[0].items() if all(item in other.items() for other in facts))]
         looks = style.looks(cases)
@@ -332,5 +332,5 @@ class Figures(NamedTuple):
         """Words of the panels that were chosen, or that a record asks for, by default all; ValueError for no panel."""
         words = page.current().chosen.get("panels") or getattr(record, "panels", None) or tuple(self.panels)
         if unknown := [word for word in words if word not in self.panels]:
-            raise ValueError(f"{unknown[0]!r} is not a known panel; known panels: {', '.join(self.panels)}")
+            raise ValueError(f"panels: has '{unknown[0]}'; {page.meant(unknown[0], [*self.panels])}")
         return tuple(words)

@@ -115,8 +115,9 @@ class Plot(NamedTuple):
         if log := chosen.get("log", ""):
             plot = self._scaled(log)
         for name, is_log in (("xlim", plot.xscale != "linear"), ("ylim", plot.log)):
-            if name in chosen and is_log and chosen[name][0] <= 0:
-                raise ValueError(f"{name}: begins at {chosen[name][0]:g}; must be positive on a logarithmic axis")
+            if is_log and chosen.get(name, (1.0,))[0] <= 0:
+                low = f"begins at {chosen[name][0]:g} on a logarithmic axis"
+                raise ValueError(f"{name}: {low}; must begin above 0, or choose log: none")
         if "xlim" in chosen:
             low, high = chosen["xlim"]
             plot = plot._replace(xlim=(low, high), series=tuple(line.within(low, high) for line in plot.series))
@@ -142,8 +143,9 @@ class Plot(NamedTuple):
             for line in self.series:
                 entries += _draw(ax, line, self.log)
             entries += self._references(ax) + self._marks(ax)
-        label = self.y if self.log or not self.series else _scaled(ax, self.y)
-        ax.set(**{name: text for name, text in (("xlabel", self.x), ("ylabel", label)) if text})
+        x = _scaled(ax.xaxis, ax.get_xlim(), self.x, most=7) if self.series and self.xscale == "linear" else self.x
+        y = self.y if self.log or not self.series else _scaled(ax.yaxis, ax.get_ylim(), self.y)
+        ax.set(**{name: text for name, text in (("xlabel", x), ("ylabel", y)) if text})
         entries += self.entries
         if self.own:
             entries += self.own(ax)
@@ -386,16 +388,16 @@ def _plain_ticks(ax: Axes, x: Array, xlim: tuple[float, float] | None) -> None:
     ax.xaxis.set_minor_formatter(ticker.NullFormatter())
 
 
-def _scaled(ax: Axes, label: str) -> str:
-    """Label of a linear axis; of tiny or huge values it names the power of ten that the ticks count."""
+def _scaled(axis: Axis, ends: tuple[float, float], label: str, most: int = 4) -> str:
+    """Label of a linear axis; of tiny values, and of those from 10^most on, it names the power of ten of the ticks."""
     formatter = ticker.ScalarFormatter(useOffset=False)
     formatter.set_scientific(False)
-    ax.yaxis.set_major_formatter(formatter)
-    largest = max(map(abs, ax.get_ylim()))
+    axis.set_major_formatter(formatter)
+    largest = max(map(abs, ends))
     exponent = math.floor(math.log10(largest)) if largest else 0
-    if -3 < exponent < 4:
+    if -3 < exponent < most:
         return label
-    ax.yaxis.set_major_formatter(lambda y, _: f"{y / 10.0**exponent:.4g}".replace("-", "\N{MINUS SIGN}"))
+    axis.set_major_formatter(lambda y, _: f"{y / 10.0**exponent:.4g}".replace("-", "\N{MINUS SIGN}"))
     return rf"{label} in $10^{{{exponent}}}$"
 
 

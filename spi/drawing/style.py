@@ -1,6 +1,5 @@
 """Look of all figures: colours, markers, titles, numbers and words."""
 
-import difflib
 import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
@@ -97,9 +96,7 @@ def _in_colours(looks: Looks, variants: Sequence[str]) -> Looks:
     if not isinstance(colours, Mapping):
         colours = dict(zip(variants, colours, strict=False))
     if unknown := next((name for name in colours if name not in (*variants, *looks)), None):
-        near = difflib.get_close_matches(unknown, variants, 1)
-        right = f"did you mean '{near[0]}'?" if near else f"known: {', '.join(variants)}"
-        raise ValueError(f"colors: has '{unknown}'; {right}")
+        raise ValueError(f"colors: has '{unknown}'; {page.meant(unknown, variants)}")
     return looks | {name: (looks[name][0], to_hex(colour)) for name, colour in colours.items()}
 
 
@@ -134,7 +131,7 @@ def in_overlay(about: Description, alone: bool) -> Description:
 
 def named(name: str, variables: tuple[str, ...] = ()) -> str:
     """Name of a function or quantity in mathematics: the label that a person chose, or the name set as such."""
-    label = page.label(name)
+    label = page.current().label(name)
     if label is None:
         return maths(name, variables)
     parts = plain(label).split("$")  # every other one is mathematics already
@@ -155,7 +152,7 @@ def _indexed(name: str) -> str:
 
 def word(name: str) -> str:
     """Label of a parameter on an axis: one that a person chose, or in mathtext if there is a symbol for it."""
-    if label := page.label(name):
+    if label := page.current().label(name):
         return plain(label)
     named = symbol(name)
     return f"${named}$" if named else plain(name.replace("_", " "))
@@ -434,7 +431,7 @@ def value_of(axis: str, value: float) -> str:
 
 def axis_label(record: Any, axis: str) -> str:
     """Label of a horizontal axis."""
-    if label := page.label(axis):
+    if label := page.current().label(axis):
         return plain(label)
     return word(record.word) if axis == "value" else AXES.get(axis, axis)
 

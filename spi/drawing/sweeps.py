@@ -40,7 +40,7 @@ def draw(
 
     `texts` has the formulas of test functions, `references` those of their means.
     """
-    if len(cases) > 1 and page.current().overlays_cases():
+    if page.current().overlays_cases() and len(cases) > 1:
         cases = [_overlaid(cases)]
     every: Any = [curve for _, curves, _ in cases for curve in curves]
     looks, estimators = style.looks([every]), list(dict.fromkeys(curve.about.estimator for curve in every))
@@ -71,20 +71,24 @@ def _overlaid(cases: Sequence[Case]) -> Case:
     return "", own, [fact for fact in cases[0][2] if all(fact in facts for _, _, facts in cases)]
 
 
-def each_value(curve: Curve) -> list[Curve]:
+def each_value(curves: Sequence[Curve]) -> list[Curve]:
     """Curves over the first of two swept parameters, one for each value of the second."""
-    return [_at_second(curve, value, line) for value, line in curve.lines()]
+    alone = len({curve.about.variant for curve in curves}) == 1
+    return [_at_second(curve, value, line, alone) for curve in curves for value, line in curve.lines()]
 
 
-def _at_second(curve: Curve, value: float, line: Curve) -> Curve:
+def _at_second(curve: Curve, value: float, line: Curve, alone: bool) -> Curve:
     about, text = line.about, style.value_of(curve.second_word, value)
-    label = f"{about.scheme_label}, {text}" if curve.about.scheme_label else text
+    label = text if alone or not about.scheme_label else f"{about.scheme_label}, {text}"
     return line._replace(about=replace(about, variant=f"{about.variant}/{value:g}", scheme_label=label))
 
 
 def draw_maps(title: str, cases: Sequence[Case]) -> layout.PanelFigure:
     """Figure of cases in which two parameters are swept: each quantity as a map over both, for each scheme."""
     several = len({curve.about.variant for _, curves, _ in cases for curve in curves}) > 1
+    if page.current().overlays_cases() and len(cases) > 1:
+        second = next(curve.second_word for _, curves, _ in cases for curve in curves)
+        raise ValueError(f"overlay: is 'cases', whose maps cannot lie in one panel; must be {second}")
 
     def panels(curves: Sequence[Curve]) -> list[list[plots.Plot]]:
         return [[_map(curve, several)] for curve in curves]
@@ -244,18 +248,18 @@ def _is_error(curve: Curve) -> bool:
 
 def _name(curve: Curve) -> str:
     """Name of the quantity: a label that a person chose, or that in print."""
-    return style.plain(page.label(curve.name) or curve.label)
+    return style.plain(page.current().label(curve.name) or curve.label)
 
 
 def _label(curves: Sequence[Curve], shared: float | None) -> str:
     """Label of a panel: its quantity, and at which step size unless all panels `shared` that."""
     first, steps = curves[0], {curve.h for curve in curves}
-    name = _name(first)
-    if first.function and not page.label(first.name):
+    name, label = _name(first), page.current().label
+    if first.function and not label(first.name):
         function = style.named(first.function, first.about.variables).strip("$")
         if first.claim.symbol:
             name = f"${first.claim.symbol}[{function}]$"
-        elif page.label(first.function) or first.claim.is_named:
+        elif label(first.function) or first.claim.is_named:
             name = f"${function}$"
     if steps in ({None}, {shared}):
         return name

@@ -133,7 +133,11 @@ def _size(value: Any) -> tuple[float, float]:
         width, height = given
     except (ValueError, TypeError):
         raise _wrong(value, "a width and a height, such as 8.6x6cm") from None
-    return page.inches(width), page.inches_high(height)
+    try:
+        return page.inches(width), page.inches_high(height)
+    except ValueError:
+        ends = f"{page.NARROWEST:g} to {page.WIDEST:g} inches wide and {page.LOWEST:g} to {page.HIGHEST:g} inches high"
+        raise _wrong(value, f"{ends}, such as 8.6x6cm") from None
 
 
 def _width(value: Any) -> float:
@@ -151,7 +155,7 @@ def _height(value: Any) -> float:
 def _font(value: Any) -> str:
     from ..drawing import page
 
-    return page.family(value)
+    return page.family(_word(value))
 
 
 def _font_size(value: Any) -> float:

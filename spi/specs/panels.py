@@ -72,4 +72,4 @@ class Panels(Mapping[str, Sequence[Any]]):
         return iter(words(self.kind, [*self.own]))
 
     def __len__(self) -> int:
-        return len([*self])
+        return len(words(self.kind, [*self.own]))  # not [*self], which asks for the length

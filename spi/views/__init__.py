@@ -4,7 +4,6 @@ import difflib
 import json
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
-from itertools import chain
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
@@ -16,6 +15,7 @@ from ..printing.text import new_console, printable
 from ..specs import sweep
 from ..specs.document import Document, SpecError
 from ..specs.figures import read_figure
+from ..specs.keys import suggestion
 from ..statistics import claims
 from ..statistics.crossings import Crossing, crossings, lines_of
 from ..statistics.curves import Curve, curves
@@ -270,14 +270,28 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
     with page.applied(page.named(**words)):
         heading = words.get("title") or title(results, read)
         over = wholes(read, words.get("panels", ()))
+        if of := read_figure(given).get("crossing"):
+            _check_crossing(of, over, words)
         drawn: PanelFigure = (
             _swept_figure(heading, over, results.attributes.get("spec", ""))
             if over
             else KINDS[kind].figure.draw(heading, by_case(read))
         )
-        page.check_labels(read_figure(given).get("labels", {}))
+        page.current().check_labels(read_figure(given).get("labels", ()))
         fitting.settle(drawn)
         return drawn
+
+
+def _check_crossing(of: str, cases: Sequence[SweptCase], words: dict[str, Any]) -> None:
+    """Raise ValueError about a crossing that a person asked for now, and that is of no lines in the figure."""
+    curves = [curve for whole in cases for curve in whole.curves]
+    if not curves:
+        raise ValueError("crossing: is for lines over a swept word, and nothing is swept; leave it out")
+    known = dict.fromkeys(name for curve in curves for name in (curve.function, curve.name) if name)
+    if of not in known:
+        raise ValueError(f"crossing: has '{of}'; {suggestion(of, known)}")
+    if (second := curves[0].second_word) and not words.get("overlay"):
+        raise ValueError(f"crossing: is of lines, and two words make a map; add overlay: {second}")
 
 
 def _swept_figure(title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
@@ -291,7 +305,7 @@ def _swept_figure(title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFi
     texts = _formulas(spec, "functions"), _formulas(spec, "reference")
     words = {curve.second_word for _, curves, _ in drawn for curve in curves}
     if words == {page.current().chosen.get("overlay")}:
-        drawn = [(name, list(chain.from_iterable(map(each_value, curves))), facts) for name, curves, facts in drawn]
+        drawn = [(name, each_value(curves), facts) for name, curves, facts in drawn]
         with page.without("overlay"):
             return draw(title, drawn, *texts)
     return draw_maps(title, drawn) if any(words) else draw(title, drawn, *texts)

@@ -8,11 +8,12 @@ import numpy as np
 import pytest
 from damage import call
 from figure_checks import collisions
+from matplotlib.figure import Figure
 from strong_results import H, strong, strong_group
 
 import spi
 from spi import storage, views
-from spi.drawing import page, style, sweeps
+from spi.drawing import page, plots, style, sweeps
 from spi.specs.figures import FIGURE_KEYS, read_figure
 from spi.statistics.claims import Quantity
 from spi.statistics.crossings import crossings
@@ -106,7 +107,13 @@ def test_a_legend_within_a_panel_covers_no_results(power):
         (["--colors", "reed"], "--colors: has 'reed'; must be colours such as red,#0072B2"),
         (["--colors", "spliting=red"], "r.h5: colors: has 'spliting'; did you mean 'splitting'?"),
         (["--panels", "error,error"], "--panels: has 'error' twice; remove one"),
-        (["--panels", "eror"], "r.h5: 'eror' is not a known panel; known panels: error, final, casimirs"),
+        (["--panels", "eror"], "r.h5: panels: has 'eror'; did you mean 'error'?"),
+        (["--panels", "all"], "r.h5: panels: has 'all'; known: error, final, casimirs"),
+        (["--overlay", "T"], "r.h5: overlay: is 'T', which is not the second of two swept words; must be cases"),
+        (["--crossing", "error"], "r.h5: crossing: is for lines over a swept word, and nothing is swept; leave it out"),
+        (["--labels", "eror=E"], "r.h5: labels: has 'eror'; did you mean 'error'?"),
+        (["--xlim", "0..1"], "r.h5: xlim: begins at 0 on a logarithmic axis; must begin above 0, or choose log: none"),
+        (["--size", "3x3cm"], "--size: is '3x3cm'; must be 2.5 to 20 inches wide and 1 to 40 inches high"),
         (["--labels", "error"], "--labels: is 'error'; must be labels by name"),
         (["--labels", "eror=E"], "r.h5: labels: has 'eror'; did you mean 'error'?"),
         (["--labels", "binder=B"], "r.h5: labels: has 'binder'; this figure has error, h"),
@@ -121,16 +128,25 @@ def test_a_wrong_choice_is_refused_in_one_line(options, message, tmp_path, monke
     assert code in (1, 2) and (out, err.count("\n")) == ("", 1) and err.startswith(f"spi: {message}")
 
 
-@pytest.mark.parametrize("legend", ["below", "inside"])
-@pytest.mark.parametrize(("size", "texts"), [("8.6x6cm", 0), ("8.6x7cm", 1), ("8.6x11cm", 2)])
-def test_what_a_small_figure_has_no_room_for_is_the_caption(size, texts, legend):
-    """First the parameters and then the title; a legend that no panel has room for is below."""
-    fig = views.figure(errors(), size=size, legend=legend)
-    assert len(fig.texts) == texts and style.has_caption(fig) == (texts < 2)
-    assert "midpoint" in " ".join(text.get_text() for text in (fig.legends or [fig.axes[0].get_legend()])[0].texts)
-    with page.applied(page.of(fig)):
-        assert [one for one in collisions(fig) if "legend" not in one or fig.legends] == []
-    assert fig.axes[0].get_window_extent().height > 0.4 * fig.dpi
+def test_a_legend_without_room_in_its_panel_stands_below():
+    crossed = strong(strong_group("splitting", error=H**0.5), strong_group("midpoint", error=1e-4 * H**-0.5))
+    high, low = (views.figure(crossed, legend="inside", size=size) for size in ("17x16cm", "17x6cm"))
+    inside = high.axes[0].get_legend()
+    assert not high.legends and low.axes[0].get_legend() is None
+    texts = [{text.get_text() for text in legend.get_texts()} - {" "} for legend in (inside, *low.legends)]
+    assert texts[0] == texts[1] and len(texts[0]) == 4
+    with page.applied(page.of(low)):
+        assert collisions(low) == []
+
+
+@pytest.mark.parametrize(
+    ("size", "label", "tick"), [(1e-7, "x in $10^{-7}$", "2"), (1.0, "x", "2.0"), (1e5, "x", "200000")]
+)
+def test_tiny_numbers_at_a_linear_axis_are_counted_in_a_power_of_ten(size, label, tick):
+    ax = Figure().add_subplot()
+    plots.Plot([plots.series(size * np.arange(5.0), np.ones(5), {"color": "red"})], x="x").draw(ax)
+    ax.figure.draw_without_rendering()
+    assert ax.get_xlabel() == label and tick in [text.get_text() for text in ax.get_xticklabels()]
 
 
 def test_a_label_without_room_is_its_words(tmp_path):
@@ -207,7 +223,7 @@ def test_where_two_curves_cross_is_known_with_its_interval():
 
 def test_the_second_swept_word_as_lines():
     (curve,) = swept("one", T, "T", second=True)
-    lines = sweeps.each_value(curve)
+    lines = sweeps.each_value([curve])
     assert [line.second_word for line in lines] == ["", ""] and [len(line.points) for line in lines] == [4, 4]
     fig = drawn([("", lines, [])])
     assert {"$K=1$", "$K=2$"} <= {line.get_label() for line in fig.panels[0].lines}

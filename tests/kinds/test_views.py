@@ -118,5 +118,5 @@ def test_what_cannot_be_drawn_is_said(kind):
     with pytest.raises(ValueError, match="no scheme"):
         views.figure(StoredResults({"kind": kind, "title": ""}, ()))
     if panels_of(kind):
-        with pytest.raises(ValueError, match=r"'nothing' is not a known panel; known|no panel that could be drawn"):
+        with pytest.raises(ValueError, match=r"panels: has 'nothing'; known|no panel that could be drawn"):
             views.figure(results_of(kind, panels=("nothing",)))

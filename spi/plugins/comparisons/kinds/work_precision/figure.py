@@ -21,6 +21,8 @@ _TARGET: dict[str, Any] = {"color": plots.GREY, "linewidth": 0.7, "linestyle": (
 
 def _with_targets(plot: plots.Plot, readings: WorkReadings, place: int) -> plots.Plot:
     """Panel of errors, the requested ones as lines across; those of a blow-up do not widen its axis."""
+    if len({one.measure for one in readings}) > 1:
+        raise ValueError("overlay: some cases have strong errors and others weak ones; leave it out")
     good = [one.error[one.resolved & (one.error < _SPOILT)] for one in readings]
     top = _FAR * float(np.median([error.max() for error in good if len(error)] or [_SPOILT / _FAR]))
 
