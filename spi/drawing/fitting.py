@@ -123,8 +123,9 @@ def _free_legends(fig: Figure) -> bool:
             if not any(path.intersects_bbox(box, filled=False) for path in paths):
                 break
         else:
-            share = box.height / ax.get_window_extent().height + _ROOM
-            if share < _MOST_ROOM and "ylim" not in page.current().chosen:
+            room = ax.get_window_extent()
+            share = box.height / room.height + _ROOM
+            if share < _MOST_ROOM and box.width < room.width and "ylim" not in page.current().chosen:
                 legend.set_loc(_CORNERS[0])
                 _raise_top(ax, share)
             else:

@@ -112,30 +112,12 @@ def _letters(layout: Layout) -> dict[str, Any]:
 SCREEN = Page()
 
 _CURRENT: ContextVar[Page] = ContextVar("page", default=SCREEN)
-_NAMES: ContextVar[set[str] | None] = ContextVar("names", default=None)
 _OF: WeakKeyDictionary[Figure, Page] = WeakKeyDictionary()
 
 
 def current() -> Page:
     """Page of the figure that is being made."""
     return _CURRENT.get()
-
-
-def label(name: str) -> str | None:
-    """Label that a person chose for a name of the figure that is being made; it is noted that it has such a name."""
-    if (names := _NAMES.get()) is not None:
-        names.add(name)
-    text: str | None = current().chosen.get("labels", {}).get(name)
-    return text
-
-
-def check_labels(chosen: Mapping[str, str]) -> None:
-    """Raise ValueError if labels were chosen for names that the figure, which is drawn, does not have."""
-    names = sorted(_NAMES.get() or ())
-    if unknown := next((name for name in chosen if name not in names), None):
-        near = difflib.get_close_matches(unknown, names, 1)
-        right = f"did you mean '{near[0]}'?" if near else f"this figure has {', '.join(names)}"
-        raise ValueError(f"labels: has '{unknown}'; {right}")
 
 
 def of(fig: Figure) -> Page:
@@ -163,13 +145,12 @@ def inches_of(text: str, font: FontProperties) -> float:
 @contextlib.contextmanager
 def applied(page: Page = SCREEN) -> Iterator[None]:
     """Draw for `page`: its settings on matplotlib's own, whatever the user's are."""
-    token, names = _CURRENT.set(page), _NAMES.set(set())
+    token = _CURRENT.set(page)
     try:
         with matplotlib.style.context(["default", page.settings]):
             yield
     finally:
         _CURRENT.reset(token)
-        _NAMES.reset(names)
 
 
 @contextlib.contextmanager
