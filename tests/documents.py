@@ -34,7 +34,7 @@ PLACEHOLDERS = {
     **{"I/N": "1/4", "{}": "1", "ADDRESS": "local:2", "key=value": "seed=1"},
 }
 #: Pages whose Python other tests run, as one program.
-RUN_BY_OTHERS = ("python.md", "integrator.md")
+RUN_BY_OTHERS = ("python.md", "integrator.md", "finite_size.md")
 #: Other programs that a block of commands may call.
 PROGRAMS = ("make", "pip", "python", "source", "#")
 

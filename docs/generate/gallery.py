@@ -14,8 +14,10 @@ Short form, after `spi run --profile quick rigid_body_strong`: results --longest
 import argparse
 import io
 import math
+import re
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -101,6 +103,9 @@ PARTS = {
 EULER = {"vortex_merger_euler": "vortex_merger", "zeitlin_limit": "zeitlin_limit"}
 
 
+#: Pictures that the Python of a page, of the same name, draws from the results of an experiment as it stands.
+OF_PAGES = {"finite_size": "heisenberg_cubic"}
+
 #: The entry of a PNG with the profile of its results.
 PROFILE = "Profile"
 #: A visible change of a colour, of 255, and the fraction of pixels that may change: less than a colour bar has.
@@ -149,6 +154,20 @@ def draw(results: Mapping[str, Path], docs: Path) -> None:
             subprocess.run([sys.executable, DOCS.parent / "benchmarks" / "euler.py", solved], check=True)
             drawn = solved.with_name(f"{solved.stem}_euler.png").read_bytes()
             storage.write_all({file: small(drawn, profile_of_results(solved))})
+    for name, experiment in OF_PAGES.items():
+        file, solved = docs / f"{name}.png", results.get(experiment)
+        if solved is not None and profile_of_results(solved) == "laptop" and is_old(file, solved):
+            storage.write_all({file: small(of_page(name, solved.parent), "laptop")})
+            print(f"drew {file.name}", flush=True)
+
+
+def of_page(name: str, results: Path) -> bytes:
+    """The picture that the Python of a page of this name writes, in a folder whose `results` are those given."""
+    blocks = re.findall(r"^```python\n(.*?)^```$", (DOCS / f"{name}.md").read_text(encoding="utf-8"), re.M | re.S)
+    with tempfile.TemporaryDirectory() as folder:
+        Path(folder, "results").symlink_to(results.resolve())
+        subprocess.run([sys.executable, "-c", "".join(blocks)], cwd=folder, check=True)
+        return Path(folder, f"{name}.png").read_bytes()
 
 
 def is_old(file: Path, results: Path) -> bool:

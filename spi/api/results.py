@@ -146,8 +146,9 @@ class Results:
     Its name has these in this order, as in "main/splitting" or "weak_noise/splitting/plain"; :attr:`parts` lists them.
 
     Indexing narrows: ``results["splitting"]`` has the parts in whose name "splitting" stands, ``results["weak_noise"]``
-    those of that case, and ``results["weak_noise/splitting"]`` and ``results["weak_noise"]["splitting"]`` those of
-    both.  Where one part is left its arrays are attributes: ``results["splitting"].error``.
+    those of that case, at all values where it is swept, and ``results["weak_noise/splitting"]`` and
+    ``results["weak_noise"]["splitting"]`` those of both.  Where one part is left its arrays are attributes:
+    ``results["splitting"].error``.
     """
 
     def __init__(self, stored: records.StoredResults, path: Path | None = None) -> None:
@@ -183,7 +184,7 @@ class Results:
             raise TypeError(f"results are indexed by the name of a part, not by {name!r}; parts: {self._listed()}")
         groups = self._named(name)
         if not groups:
-            words = dict.fromkeys(word for part in self.parts for word in part.split("/"))
+            words = dict.fromkeys(word for group in self.stored.groups for word in _words(group))
             near = difflib.get_close_matches(name, [*words, *self.parts], 1)
             raise KeyError(f"no part {name}; " + (f"did you mean {near[0]}?" if near else f"parts: {self._listed()}"))
         owners = {(Description.of(group).owner, group.attributes["scheme"]) for group in groups}
@@ -197,9 +198,9 @@ class Results:
         return isinstance(name, str) and bool(self._named(name))
 
     def _named(self, name: str) -> tuple[records.Group, ...]:
-        """Parts whose names have all words of `name`."""
+        """Parts that have all words of `name`."""
         words = set(name.split("/"))
-        return tuple(group for group in self.stored.groups if words <= set(group.name.split("/")))
+        return tuple(group for group in self.stored.groups if words <= {*_words(group)})
 
     def __iter__(self) -> Iterator[str]:
         return iter(self.parts)
@@ -326,6 +327,11 @@ class Results:
         if self.path:
             lines.append(f"<p>file: {escape(str(self.path))}</p>")
         return "<div>" + "\n".join(lines) + "</div>"
+
+
+def _words(group: records.Group) -> list[str]:
+    """Words by which a part is found: those of its name, and the case of the spec where a parameter is swept."""
+    return [*group.name.split("/"), Description.of(group).owner]
 
 
 def load(

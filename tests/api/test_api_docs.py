@@ -8,6 +8,9 @@ import numpy as np
 import pytest
 from helpers import COMPILED
 
+from spi import storage
+from spi.storage.stored import Swept
+
 DOCS = Path(__file__).parents[2] / "docs"
 NOTEBOOK = DOCS / "notebook.ipynb"
 MOST_BYTES = 400_000
@@ -60,6 +63,44 @@ def test_the_examples_of_the_integrator_run(capsys):
     assert abs(np.ptp((names["y"] ** 2).sum(axis=1))) < 1 and len(capsys.readouterr().out.splitlines()) == 13
     assert np.std(names["other"] - names["one"]) < 0.1 * np.std(names["one"])
     assert names["corrected"].var() < names["y1"].var()
+
+
+def lattices(scaled_cumulant, scaled_m, Tc=1.4429, inverse=1 / 0.7112, power=0.3689 / 0.7112):
+    """Results like those of `heisenberg_cubic` whose cumulant and magnetisation are functions of (T - Tc) L^inverse."""
+    from long_results import equilibrium, equilibrium_group
+
+    from spi.plugins.dynamics.kinds.equilibrium.results import DerivedQuantities
+
+    def group(L, T):
+        x = (T - Tc) * L**inverse
+        value = np.full((3, 2), [scaled_cumulant(x), scaled_m(x) / L**power])
+        told = {"quantities": ("binder", "magnetisation"), "formulas": ("", "")}
+        derived = DerivedQuantities(**told, value=value, stderr=np.full((3, 2), 2e-3))
+        swept = Swept(word="T", value=T, owner=f"cells_{L}", title=f"{L} sites")
+        whole = equilibrium_group("splitting", derived, swept=swept)
+        of_one = {
+            name: (axes, values.take([0], axes.index("h")) if "h" in axes else values)
+            for name, (axes, values) in whole.variables.items()
+        }
+        coordinates = whole.coordinates | {"h": whole.coordinates["h"][:1]}
+        return whole._replace(case=f"cells_{L}_T={T}", variables=of_one, coordinates=coordinates)
+
+    T = (1.3, 1.38, 1.41, 1.43, 1.4429, 1.46, 1.48, 1.52, 1.6)
+    stored = equilibrium(*(group(L, value) for L in (16, 8) for value in T))
+    return stored._replace(attributes=stored.attributes | {"figure_keys": json.dumps({"crossing": "binder"})})
+
+
+@pytest.mark.needs("dynamics")
+def test_the_program_of_finite_size_scaling(tmp_path, monkeypatch, capsys):
+    """Chi squared is 0 where both sizes are on one curve and large with other exponents; from parabolas it finds nu."""
+    monkeypatch.chdir(tmp_path)
+    stored = lattices(lambda x: 0.62 - 0.03 * x - 2e-3 * x**2, lambda x: 1.1 - 0.2 * x)
+    storage.write(Path("results/heisenberg_cubic.h5"), stored)
+    names = run(cells(DOCS / "finite_size.md"), "finite_size.md")
+    assert abs(names["Tc"] - 1.4429) < 1e-9 and Path("finite_size.png").is_file()
+    right, *wrong, _, last = capsys.readouterr().out.splitlines()
+    assert right == "nu = 0.7112: U 0.0, m 0.0" and last.startswith("nu = 0.71 +- 0.")
+    assert all(min(map(float, re.findall(r"[Um] ([\d.]+)", line))) > 5 for line in wrong) and len(wrong) == 2
 
 
 def stored_texts():

@@ -20,6 +20,7 @@ from spi.kinds import KINDS
 from spi.running.compiling import Compiling, Job
 from spi.statistics import claims
 from spi.storage import records
+from spi.storage.stored import Swept
 
 EXPECT = [
     claims.Claim("three", "splitting", "order", claims.EQUAL, 0.5, 0.05, "1/2 +- 0.05"),
@@ -63,6 +64,21 @@ def test_estimators_and_eps_are_words_of_names():
     assert found["plain"].error.dims == ("function", "h")
     found = spi.Results(weak(*(at_eps("ap_splitting", eps) for eps in (1.0, 0.1))))
     assert len(found["multilevel"]) == 2 and len(found[found.parts[1].split("/")[1]]) == 1
+
+
+def test_a_case_that_is_swept_is_all_of_its_values():
+    def at(owner, value):
+        return strong_group(
+            "splitting", f"{owner}_s={value}", swept=Swept(word="s", value=value, owner=owner, title=owner)
+        )
+
+    found = spi.Results(strong(*(at(owner, value) for owner in ("one", "two") for value in (1.0, 2.0))))
+    assert found["one"].parts == ("one_s=1.0/splitting", "one_s=2.0/splitting")
+    assert found["one/splitting"].parts == found["one"]["splitting"].parts == found["one"].parts
+    assert found["one"]["one_s=2.0"].parts == ("one_s=2.0/splitting",) and "one/two_s=1.0" not in found
+    assert set(found["two"].table()["case"]) == {"two_s=1.0", "two_s=2.0"}
+    with pytest.raises(KeyError, match="no part tow; did you mean two"):
+        found["tow"]
 
 
 def test_arrays_have_coordinates_and_names(results):

@@ -177,6 +177,8 @@ ALSO = {
     "passive tracer": "fluids",
     "OVF": "spins",
     "hysteresis": "spins",
+    "collapse": "finite_size",
+    "critical exponent": "finite_size",
 }
 
 
