@@ -13,7 +13,7 @@ from spi.compiler.timing import compiling
 from spi.ensemble import loop
 from spi.ensemble.loop import AS_TOSSED, COINS_TURNED, PAIRS_REVERSED, TimeGrid, integrated, thread_count
 from spi.ensemble.observer import state_recorder
-from spi.ensemble.protocol import dimension, large
+from spi.ensemble.protocol import dimension, in_place, large
 from spi.ensemble.random_states import RandomState, block_states
 from spi.ensemble.scheme_protocol import REPORT, SUMMED, report_columns
 from spi.numerics.rng import LANES
@@ -146,8 +146,8 @@ def integrated_batch(
 
 
 def paths_moved(model: Any, samples: int) -> int:
-    """Number of paths that make steps so that `samples` do: whole blocks, of array states only those wanted."""
-    return samples if large(model) else -(-samples // LANES) * LANES
+    """Number of paths that make steps so that `samples` do: whole blocks, of arrays not moved in place those wanted."""
+    return samples if large(model) and not in_place(model) else -(-samples // LANES) * LANES
 
 
 @dataclass(frozen=True, kw_only=True)

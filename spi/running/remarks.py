@@ -4,9 +4,10 @@ from collections.abc import Iterator
 from typing import Any
 
 from .. import specs
-from ..ensemble.protocol import generated, report
+from ..ensemble.protocol import generated, in_place, report
 from ..kinds import KINDS
 from ..models.delegation import undamped
+from ..numerics.rng import LANES
 from ..plugins import Registry
 from ..schemes import typical_ns
 
@@ -16,7 +17,7 @@ WARNINGS = Registry("warnings")  #: name -> the warning about a case, "" if ther
 def remarks(experiment: specs.Experiment) -> list[str]:
     """Parts of an experiment that are not computed, or not as it asks for, a line each, and its warnings."""
     of_kind: Any = getattr(KINDS[experiment.kind].study, "remarks", lambda case: ())
-    lines = {_of(experiment, case, line): None for case in experiment.cases for line in (*of_kind(case), *_noise(case))}
+    lines = {_of(experiment, case, line): None for case in experiment.cases for line in (*of_kind(case), *_about(case))}
     return [*lines, *warnings(experiment)]
 
 
@@ -32,12 +33,15 @@ def _of(experiment: specs.Experiment, case: specs.BaseCase, line: str) -> str:
     return f"{case.owner}: {line}" if several else line
 
 
-def _noise(case: specs.BaseCase) -> Iterator[str]:
-    """Noise that is not that of the equation."""
+def _about(case: specs.BaseCase) -> Iterator[str]:
+    """Noise that is not that of the equation, and paths that take as long as more of them would."""
     if case.areas != "exact":
         yield "Lévy areas are Gaussian, with the right moments given the increments: results hold in law"
     if case.driver:
         yield f"the noises are driven by another process than Brownian motion: {case.driver}"
+    used = getattr(case, "samples", 0) % LANES
+    if used and in_place(case.model) and not case.in_parts:
+        yield f"paths of a lattice are moved {LANES} at once: {LANES - used} more would take no longer"
 
 
 def reports(experiment: specs.Experiment) -> dict[str, list[str]]:

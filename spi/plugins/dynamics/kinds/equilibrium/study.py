@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from spi.kinds import one_path as alone
+from spi.kinds.blocks import paths_moved
 from spi.kinds.functions import evaluated, origin_of, path_function
 from spi.kinds.plans import PartCost, State, Task, each_scheme
 from spi.models.delegation import undamped
@@ -57,12 +58,14 @@ class EquilibriumPlan(LongPlan):
         return means.bins_around(values.reshape(len(values), -1), self.case.bins)
 
     def cost(self) -> PartCost:
-        """Also of looking at one large lattice, and the memory of recorded values of many paths."""
+        """Also of looking at states, and the memory of recorded values of many paths."""
         cost, count = super().cost(), len(self.case.functions)
-        if self.movers:
-            looks = len(self.case.steps) * self.case.last_time / self.case.between
-            return cost._replace(seconds=cost.seconds + 1e-9 * looks * alone.look_ns(self.case, count))
-        return cost._replace(bytes=cost.bytes + count * 2**21 * min(-(-self.case.samples // LANES), CHUNK_BLOCKS))
+        looks = len(self.case.steps) * self.case.last_time / self.case.between
+        if not self.movers:
+            looks *= alone.idle(-(-self.case.samples // LANES)) * paths_moved(self.model, self.case.samples)
+            blocks = min(-(-self.case.samples // LANES), CHUNK_BLOCKS)
+            cost = cost._replace(bytes=cost.bytes + count * 2**21 * blocks)
+        return cost._replace(seconds=cost.seconds + 1e-9 * looks * alone.look_ns(self.case, count))
 
     def deciding(self, number: int | None) -> dict[str, Any]:
         """See :class:`LongPlan`; other step sizes decide when paths are looked at."""
