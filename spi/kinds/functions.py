@@ -14,7 +14,7 @@ from spi.ensemble.protocol import conserved, dimension, initial_time
 from spi.expressions import Component, Observable, as_numpy, canonical, has_sum, operations, parse_expression
 from spi.expressions.arithmetic import NumberError
 from spi.numerics.types import Array, FunctionFamily
-from spi.specs.keys import listed, shown, wrong
+from spi.specs.keys import listed, shown, suggestion, wrong
 from spi.specs.names import Code, check_values, named_in
 
 #: The functionals of a function of the state along a path: words of a spec, and their meanings.
@@ -27,7 +27,19 @@ FUNCTIONALS = {
     "the latter, else 0",
     "start": "the value at t = 0, whose covariance with others shows how they remember it",
 }
+#: Those that values at some times of one path tell.
+OF_ONE_PATH = ("maximum", "minimum", "integral")
 _CONDITION = re.compile(r"([^<>]+)([<>])([^<>]+)")
+
+
+def check_functional(known: Sequence[str], entry: Any) -> Any:
+    """An entry of the key ``functions`` as it is; raises the error about a word that is no `known` functional."""
+    for word in entry if isinstance(entry, dict) else ():
+        if word not in known:
+            raise wrong("is not a known functional", suggestion(word, known), word)
+        if word == "first" and not (isinstance(entry[word], dict) and len(entry[word]) == 2):
+            raise wrong(f"is {shown(entry[word])}", "must be two conditions, as in {up: y1 > 1, down: y1 < -1}", word)
+    return entry
 
 
 class PathFunction(NamedTuple):
@@ -69,8 +81,11 @@ class PathFunction(NamedTuple):
         """Whether it is a Casimir function, or the largest or smallest of one, constant on paths without damping."""
         return re.fullmatch(r"C\d*", self.text) is not None and self.functional in ("", "maximum", "minimum")
 
-    def along(self, values: Array, between: float) -> Array:
-        """Functional until each time, of values (blocks, times, LANES) of :attr:`values`, the first at t = 0."""
+    def along(self, values: Array, between: float | Array) -> Array:
+        """Functional until each time, of values (blocks, times, LANES) of :attr:`values`, the first at t = 0.
+
+        The times `between` them are one number or (times - 1, 1).
+        """
         match self.functional:
             case "maximum":
                 return np.maximum.accumulate(values, axis=1)

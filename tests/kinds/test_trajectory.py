@@ -125,6 +125,24 @@ def test_functions_and_a_section_by_the_map_of_the_step(spec):
     assert len(up.results(finished(up)).section.t) in (5, 6)
 
 
+def test_functionals_are_those_of_the_values_at_stored_times(spec):
+    """Of y1 = 0.6 cos t, y2 = 0.6 sin t or -0.6 sin t: an integral by the trapezoidal rule, also over uneven times."""
+    own = "functions: {work: {integral: y1*cos(t)}, far: {maximum: y1 - t}, low: {minimum: y1}, y1: y1}"
+    text = re.sub("functions: .*", own, SECTION)
+    for more, error in (("", 0.6 * 32 / 6 * (1 / 4) ** 2), ("save: [1, 1.5, 32]\n", np.inf)):
+        plan = study.plan(spec(text + more).cases[0], Part("splitting_symmetric"))
+        found = plan.results(finished(plan))
+        t, (work, far, low, y1) = found.t, found.values.value
+        np.testing.assert_allclose(y1, 0.6 * np.cos(t), atol=1e-12)
+        areas = np.diff(t) * ((y1 * np.cos(t))[1:] + (y1 * np.cos(t))[:-1]) / 2
+        np.testing.assert_allclose(work, [0, *np.cumsum(areas)], atol=1e-12)
+        assert abs(work - 0.6 * (t / 2 + np.sin(2 * t) / 4)).max() < error
+        np.testing.assert_array_equal(far, 0.6)
+        np.testing.assert_array_equal(low, [y1[: n + 1].min() for n in range(len(y1))])
+    assert found.values.texts[0] == "integral of y1*cos(t)"
+    assert abs(work[-1] - 0.6 * (16 + np.sin(64) / 4)) > 1  # of three intervals
+
+
 def test_a_section_of_a_noisy_path_is_on_lines(spec):
     system, body = (re.search("model: .*", text)[0] for text in (SECTION, SPEC))
     plan = study.plan(spec(SECTION, system, body).cases[0], Part("splitting_symmetric"))
@@ -140,6 +158,8 @@ def test_a_section_of_a_noisy_path_is_on_lines(spec):
         ("functions: {flat: y1^2 + y2^2, twice: 2*flat}\n", "", "is 'functions', and the key functions is missing"),
         ("[functions, section]", "[spins]", "which is for the model spins"),
         ("2*flat", "flat + twice", "cannot be written out: twice names twice"),
+        ("2*flat", "{integal: flat}", "functions.twice.integal: is not a known functional; did you mean 'integral'?"),
+        ("2*flat", "{passage: flat > 1}", "is not a known functional; known: maximum, minimum, integral"),
     ],
 )
 def test_faults_of_functions_and_sections(error, old, new, told):

@@ -1,18 +1,20 @@
 """Keys of an experiment of kind trajectory."""
 
 import math
+from functools import partial
 from typing import Annotated, ClassVar, Literal, Self
 
 import numpy as np
 import pydantic
-from annotated_types import Ge, Le
+from annotated_types import Ge, Le, MinLen
+from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, dimension, noises
-from spi.kinds.functions import check_function
+from spi.kinds.functions import OF_ONE_PATH, check_function, check_functional
 from spi.numerics.rng import MOST_NOISES
 from spi.specs.cases import StepCase, with_others
 from spi.specs.checks import check_every, times_on_grid
-from spi.specs.keys import Functions, Keys, condition, entries_in, key_of, quantity, wrong
+from spi.specs.keys import NAME, Keys, by_name, condition, entries_in, key_of, quantity, wrong
 from spi.specs.names import CodeKeys
 from spi.specs.panels import check_further, panels_of, words
 from spi.specs.sweep import SweptKey
@@ -28,6 +30,11 @@ PANELS = (
 
 PathNumber = Annotated[int, Ge(0), Le(10**15)]
 PathTimes = tuple[NonNegative, ...]
+
+_Functional = Annotated[dict[Literal[OF_ONE_PATH], str], MinLen(1), Field(max_length=1)]
+_Entry = Annotated[str | _Functional, BeforeValidator(partial(check_functional, OF_ONE_PATH))]
+_ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], _Entry], MinLen(1)]
+_Functions = Annotated[_ByName, BeforeValidator(by_name, json_schema_input_type=_ByName | str)]
 
 _MOST_NUMBERS = 2 * 10**8  # of the states that are stored: 1.6 GB
 _MOST_TIMES = 8  # at which fields stand side by side
@@ -59,7 +66,9 @@ class Case(CodeKeys, StepCase):
     ) = ()
 
     functions: key_of(
-        Functions, "by name an expression in the state such as y1^2, H or a Casimir function C1, along the path"
+        _Functions,
+        "by name an expression in the state such as y1^2, H or a Casimir function C1, along the path, or its value up "
+        f"to each time by one of {', '.join(OF_ONE_PATH)}, as in {{work: {{integral: y1*cos(t)}}}}",
     ) = pydantic.Field(default_factory=dict)
     section: key_of(Section | None, "the states at which a function of the state changes its sign") = None
 

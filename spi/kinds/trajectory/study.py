@@ -187,6 +187,9 @@ class TrajectoryPlan(alone.LatticePlan):
             value = np.array([evaluated(functions, *one) for one in zip(y, t, strict=True)]).T
         else:
             value = evaluated(functions, y.T, t)
+        between = np.diff(t)[:, np.newaxis]
+        for f, function in enumerate(functions):
+            value[f] = function.along(value[f][np.newaxis, :, np.newaxis], between)[0, :, 0]
         return Values(functions=tuple(case.functions), texts=texts, value=value)
 
     def _section(self, y: np.ndarray) -> Crossings | None:

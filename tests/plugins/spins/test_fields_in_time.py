@@ -2,12 +2,13 @@
 
 import numpy as np
 import pytest
+from helpers import compiled_only
 from trajectory_results import trajectories, trajectory_group
 
 from spi import storage, views
 from spi.kinds.trajectory.results import Values
 from spi.plugins.spins.models.driving import value_at
-from spi.running.run import run
+from spi.running.run import load, run
 
 SPEC = """\
 kind: trajectory
@@ -95,6 +96,25 @@ def test_a_field_along_one_axis_is_exact(spec, tmp_path):
     ).reshape(-1, 4, 3)
     angles = np.angle((y[-1, :, 0] + 1j * y[-1, :, 1]) / (y[0, :, 0] + 1j * y[0, :, 1]))
     np.testing.assert_allclose(angles, 2 * [np.sin(5) / 5 + 1 / 3, 1 - np.exp(-1)], atol=1e-9)
+
+
+@compiled_only
+def test_the_areas_of_hysteresis_are_those_of_the_loops(tmp_path):
+    """Of smaller lattices the integral of m dB along the stored states; and no area may be that of another rate."""
+    experiment = load("hysteresis", "quick", ["model.size=[4, 4]"])
+    allowed = []
+    for case, period, group in zip(
+        experiment.cases, (32, 128, 512), storage.read(run(experiment, tmp_path)).groups, strict=True
+    ):
+        y, value = (group.variables[name][1] for name in ("y", "value"))
+        m, field = y.reshape(len(y), -1, 3)[..., 2].mean(axis=1), np.cos(np.linspace(0, 2 * np.pi, len(y)))
+        areas = -np.diff(field) * (m[1:] + m[:-1]) / 2
+        assert case.final_time == period and y.shape[1] == 48
+        assert abs(value[1, -1] - areas.sum()) < 0.01 < abs(value[1, -1])
+        ((_, *limits),) = [(claim.quantity, *claim.allowed) for claim in case.claims]
+        allowed.append(limits)
+    fast, medium, slow = allowed
+    assert fast[1] < slow[0] and slow[1] < medium[0]
 
 
 def test_courses_are_those_of_numpy():

@@ -27,6 +27,7 @@ from spi.expressions import as_numpy, parse_expression
 from spi.kinds import one_path as alone
 from spi.models.delegation import thermal
 from spi.numerics.rng import LANES, draw_increments
+from spi.plugins.dynamics.kinds.statistics.fits import decay
 from spi.plugins.spins.models import Anisotropy, Spins, Terms, Transport, whole
 from spi.plugins.spins.models.flows import NEAR, towards, towards_near, versines_of_noise
 from spi.plugins.spins.models.lattices import LATTICES, lattice
@@ -479,6 +480,24 @@ def test_switching_by_legendre_polynomials():
             mean = expm(0.5 * t * brown(k))[:, 1].sum()
             formula = parse_expression(case.reference["z"], 1, ("t",))
             assert abs(as_numpy(formula)(np.full((1, 1), t))[0] - mean) < 1e-6
+
+
+def test_rates_of_switching_by_legendre_polynomials():
+    """What the experiment claims, and what faster modes do to a fit to the covariance of s_z under the Gibbs law."""
+    z, weight = np.polynomial.legendre.leggauss(80)
+    experiment = load("switching_rates")
+    for case, k in zip(experiment.cases, (1, 2, 5), strict=True):
+        (claim,), given, between = case.claims, case.time_correlations, case.every * case.step
+        rate = 0.5 * np.sort(-np.linalg.eigvals(brown(k)).real)[1]
+        assert claim.quantity == "time_rate" and abs(claim.number - rate) < 5e-6 and claim.tolerance < 0.02 * rate
+        law = weight * np.exp(k * z**2)
+        of_degrees = (z * law) @ np.polynomial.legendre.legvander(z, 60) / law.sum()
+        lags = np.arange(round(given.until / between) + 1)
+        covariance = np.array([of_degrees @ expm(0.5 * between * n * brown(k))[:, 1] for n in lags])[np.newaxis]
+        fitted = [decay(covariance[:, begin:])[0, 0] / between for begin in (round(given.fit_from / between), 0)]
+        assert 0 < fitted[0] - rate < min(3e-4, claim.tolerance / 5)
+        assert fitted[1] - rate > 1e-3
+    assert fitted[1] - rate > 2 * claim.tolerance  # of the highest barrier
 
 
 def test_weak_order_2_of_noisy_spins():

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from functools import reduce
+from functools import partial, reduce
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
@@ -11,7 +11,7 @@ from annotated_types import Ge, Gt, Le, Len, Lt, MinLen
 from pydantic import BeforeValidator, Field
 
 from spi.ensemble.protocol import NonNegative, Positive, geometry
-from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, function_of
+from spi.kinds.functions import FUNCTIONALS, PathFunction, check_function, check_functional, function_of
 from spi.models.delegation import depends_on_time
 from spi.plugins import lacking
 from spi.plugins.dynamics.kinds.references import EXACT, STATIONARY, curve
@@ -19,7 +19,7 @@ from spi.plugins.dynamics.statistics.quantiles import EDGES
 from spi.specs.cases import StepCase, with_others
 from spi.specs.checks import ROUNDING, check_distinct, check_every, times_on_grid
 from spi.specs.initial import names_in_formulas
-from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, suggestion, wrong
+from spi.specs.keys import NAME, Keys, Samples, by_name, condition, key_of, quantity, shown, wrong
 from spi.specs.names import CodeKeys
 from spi.specs.panels import check_further, panels_of, words
 from spi.specs.sweep import PLACES
@@ -42,17 +42,7 @@ _Both = Annotated[dict[str, str], MinLen(2), Field(max_length=2)]
 _Functional = Annotated[dict[Literal[_NAMES], str], *_One] | Annotated[dict[Literal["first"], _Both], *_One]
 
 
-def _checked(entry: Any) -> Any:
-    """An entry of functions as it is; raises the error about a word that is no functional."""
-    for word in entry if isinstance(entry, dict) else ():
-        if word not in FUNCTIONALS:
-            raise wrong("is not a known functional", suggestion(word, FUNCTIONALS), word)
-        if word == "first" and not (isinstance(entry[word], dict) and len(entry[word]) == 2):
-            raise wrong(f"is {shown(entry[word])}", "must be two conditions, as in {up: y1 > 1, down: y1 < -1}", word)
-    return entry
-
-
-_Entry = Annotated[str | _Functional, BeforeValidator(_checked)]
+_Entry = Annotated[str | _Functional, BeforeValidator(partial(check_functional, tuple(FUNCTIONALS)))]
 _ByName = Annotated[dict[Annotated[str, Field(pattern=NAME)], _Entry], MinLen(1)]
 PathFunctions = Annotated[_ByName, BeforeValidator(by_name)]
 Quantities = Annotated[tuple[Literal[QUANTITIES], ...], MinLen(1)]
