@@ -8,6 +8,7 @@ from spi.compiler.dispatch import INDICES, MOST
 from spi.ensemble.protocol import area_pairs
 from spi.models import MODELS, register_model
 from spi.running.load import plans
+from spi.running.remarks import remarks
 from spi.schemes import SCHEMES, typical_ns
 from spi.specs import SpecError
 
