@@ -98,7 +98,7 @@ def test_a_prediction_counts_a_path_of_a_fluid_with_all_that_it_carries(spec, ca
     assert ns > (1.9 if carried else 0.9) * typical_ns(SCHEMES["splitting"], Zeitlin(15))
 
 
-MODELS = {
+PATHS_MOVED = {
     "{name: zeitlin, n: 5}\ninitial: {vorticity: cos(x1)}": 5,
     "{name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}\ninitial: [1, 0, 1]": 1,
     "{name: spins, lattice: ring, size: [3], alpha: 1}\ntemperature: 1\ninitial: {spins: [0, 0, 1]}": 1,
@@ -106,12 +106,12 @@ MODELS = {
 
 
 @pytest.mark.parametrize("kind", ["statistics\nstep: 1/4", "equilibrium\nsteps: [1/4]\nburn_in: 0"])
-@pytest.mark.parametrize("model", MODELS)
+@pytest.mark.parametrize("model", PATHS_MOVED)
 def test_only_the_paths_of_arrays_that_are_not_moved_in_place_cost(spec, kind, model):
     """Of other models whole blocks of 64 paths make steps, which `spi check` says of lattices."""
     about = f"kind: {kind}\nmodel: {model}\nfinal_time: 64\nfunctions: {{e: H}}\nschemes: [splitting]\n"
     five, two = (spec(f"{about}samples: {n}\n") for n in (5, 2))
-    assert plans(five)[0].cost()[0] / plans(two)[0].cost()[0] == max(1, MODELS[model] / 2)
+    assert plans(five)[0].cost()[0] / plans(two)[0].cost()[0] == max(1, PATHS_MOVED[model] / 2)
     said = "paths of a lattice are moved 64 at once: 59 more would take no longer"
     assert (said in remarks(five)) == ("spins" in model)
 
