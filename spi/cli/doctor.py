@@ -36,6 +36,7 @@ _ERRORS = (0.0476422936517553, 0.03143293830482381, 0.02082162363269886, 0.01349
 _TOLERANCE = 1e-9  #: relative
 _DRIFT = 1e-12  #: of the Casimir function, which the scheme keeps but for rounding
 
+_SLOWER = 1.5  #: from which factor on predicted times are worth a word
 _SLOW = 5.0  #: how many times longer than typical a step may take before that is worth a warning
 _LEAST_ROOM = 1e9  #: bytes on the disk of the cache
 
@@ -130,4 +131,6 @@ def _numbers(group: Group) -> Finding:
 
 def _speed(ns: float, typical: float) -> Finding:
     fact = f"{ns:.3g} ns a step and path; {typical:.2g} ns with vectors of 8 at 4 GHz"
+    if ns > _SLOWER * typical:
+        fact += f", so that runs take about {ns / typical:.1f} times as long as predicted"
     return Finding("speed", fact, "" if ns < _SLOW * typical else "other programs are busy, or vectors are narrow")

@@ -102,6 +102,8 @@ def test_the_room_for_kernels_and_the_speed(monkeypatch):
     monkeypatch.setattr(doctor, "_LEAST_ROOM", 1e18)
     assert "SPI_CACHE_DIR" in str(doctor._cache())
     assert str(doctor._speed(10.0, 5.5)).startswith("ok ")
+    assert "1.8 times as long as predicted" in str(doctor._speed(10.0, 5.5))
+    assert "as long" not in str(doctor._speed(6.0, 5.5))
     assert str(doctor._speed(100.0, 5.5)).startswith("warning ")
 
 
