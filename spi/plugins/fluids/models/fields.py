@@ -172,9 +172,11 @@ def _check_points(points: int, n: int) -> None:
 # ---------------------------------------------------------------------------------------------------------------------
 # The scales that a vorticity on the torus modulo N resolves.
 #
-# The bracket sin(2 pi (m x k) / N) N / (2 pi) is that of a fluid where m x k is small beside N: matrices of N x N
-# entries hold cells of area (2 pi)^2 / N.  How much finer a state is shows in its Casimirs: C_k = tr W^k / N is the
-# mean of omega^k where the cells are small enough, and less in modulus where a vortex fills few of them.
+# The bracket sin(2 pi (m x k) / N) N / (2 pi) is that of a fluid where m x k is small beside N.  It is that of quantum
+# mechanics with hbar = 4 pi / N, where a state takes the area 2 pi hbar = 8 pi^2 / N.  The torus has N / 2 such cells
+# and W has N eigenvalues: those of a compact vortex come in nearly equal pairs, a pair for each cell.  How much finer a
+# state is shows in its Casimirs: C_k = tr W^k / N is the mean of omega^k where the cells are small enough, and less in
+# modulus where a vortex fills few of them.
 #
 # By NumPy and not by the kernels, so that `spi check` compiles nothing for it.
 # ---------------------------------------------------------------------------------------------------------------------
@@ -185,7 +187,7 @@ _SMALL = 1e-3  # of the mean of |omega|^k: a mean of omega^k that cannot be comp
 
 def report(model: Any, initial: Sequence[float]) -> list[str]:
     """Lines on what a model resolves of an initial state."""
-    lines = [f"N = {model.n} resolves cells of 2 pi/sqrt(N) = {cell(model.n):.2f}, not the grid of its modes"]
+    lines = [f"N = {model.n} resolves cells of side 2 pi sqrt(2/N) = {cell(model.n):.2f}, not the grid of its modes"]
     each = enumerate(ratios(np.array(initial)[: model.n**2 - 1], min(_MOST, model.n - 1)), 2)
     if casimirs := ", ".join(f"C_{k} {ratio:.2f}" for k, ratio in each if math.isfinite(ratio)):
         lines.append(f"Casimirs at the start, of the means of omega^k (1 for a fluid): {casimirs}")
@@ -193,8 +195,8 @@ def report(model: Any, initial: Sequence[float]) -> list[str]:
 
 
 def cell(n: int) -> float:
-    """Side of a cell, 2 pi / sqrt(N)."""
-    return 2 * math.pi / math.sqrt(n)
+    """Side of a cell, whose area is 8 pi^2 / N."""
+    return 2 * math.pi * math.sqrt(2 / n)
 
 
 def ratios(y: np.ndarray, count: int) -> list[float]:
