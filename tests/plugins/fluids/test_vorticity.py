@@ -20,6 +20,7 @@ from spi.ensemble.protocol import hamiltonian
 from spi.kinds.trajectory import study
 from spi.models import RigidBody, SineEuler
 from spi.models.delegation import damped
+from spi.plugins.fluids import api
 from spi.plugins.fluids.models import Zeitlin, fields
 from spi.plugins.fluids.models.tables import modes, shell
 from spi.plugins.spins.kinds.trajectory.figure import colours_of_spins
@@ -56,13 +57,17 @@ def test_a_field_is_the_sum_of_its_modes(n, points):
 
 
 def test_what_is_no_field_of_a_lattice():
-    with pytest.raises(ValueError, match="4 points a side are too few for the lattice modulo 5"):
+    with pytest.raises(ValueError, match="4 points a side are too few for the lattice modulo 5; give at least 5"):
         fields.vorticity(states(5), 4)
     with pytest.raises(ValueError, match="3 points a side"):
         fields.projected(np.zeros((3, 3)), 5)
     field = fields.vorticity(states(5), 8)
     with pytest.raises(ValueError, match="the mean of a vorticity on the torus must be 0"):
         fields.projected(field + 1e-10, 5)
+
+
+def test_the_module_shows_its_functions():
+    assert dir(api) == sorted(api.__all__) and "np" not in dir(api)
 
 
 def test_energy_enstrophy_and_spectrum():

@@ -166,7 +166,7 @@ def _frequencies(n: int) -> tuple[np.ndarray, np.ndarray]:
 def _check_points(points: int, n: int) -> None:
     """ValueError unless a grid of `points` points a side distinguishes the modes."""
     if points < n:
-        raise ValueError(f"{points} points a side are too few for the lattice modulo {n}")
+        raise ValueError(f"{points} points a side are too few for the lattice modulo {n}; give at least {n}")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
@@ -186,8 +186,9 @@ _SMALL = 1e-3  # of the mean of |omega|^k: a mean of omega^k that cannot be comp
 
 
 def report(model: Any, initial: Sequence[float]) -> list[str]:
-    """Lines on what a model resolves of an initial state."""
-    lines = [f"N = {model.n} resolves cells of side 2 pi sqrt(2/N) = {cell(model.n):.2f}, not the grid of its modes"]
+    """Lines on the sense of rotation, and on what a model resolves of an initial state."""
+    lines = ["vorticity, tracers and particles move with -u, where curl u = omega: positive vorticity turns clockwise"]
+    lines += [f"N = {model.n} resolves cells of side 2 pi sqrt(2/N) = {cell(model.n):.2f}, not the grid of its modes"]
     each = enumerate(ratios(np.array(initial)[: model.n**2 - 1], min(_MOST, model.n - 1)), 2)
     if casimirs := ", ".join(f"C_{k} {ratio:.2f}" for k, ratio in each if math.isfinite(ratio)):
         lines.append(f"Casimirs at the start, of the means of omega^k (1 for a fluid): {casimirs}")
