@@ -56,11 +56,18 @@ def projected(field: np.ndarray, n: int) -> np.ndarray:
     _check_points(field.shape[-1], n)
     m1, m2 = _frequencies(n)
     largest = np.abs(field).max(axis=(-2, -1))
-    if (np.abs(field.mean(axis=(-2, -1))) > MEAN_ROUNDING * largest).any():
+    if (np.abs(field.mean(axis=(-2, -1))) > mean_rounding(field) * largest).any():
         raise ValueError("the mean of a vorticity on the torus must be 0")
     omega = np.fft.rfft2(field, norm="forward")[..., m1, m2]
     y = np.stack([omega.real, omega.imag], axis=-1).reshape(*omega.shape[:-1], -1)
     return np.where(np.abs(y) > MODE_ROUNDING * largest[..., None], y, 0.0)
+
+
+def mean_rounding(field: np.ndarray) -> float:
+    """Rounding error of the mean relative to the largest value, of numbers that all are of single precision or not."""
+    with np.errstate(over="ignore"):
+        single = np.array_equal(field, field.astype(np.float32))
+    return float(np.finfo(np.float32).eps) if single else MEAN_ROUNDING
 
 
 def velocity(y: np.ndarray, points: int) -> np.ndarray:
