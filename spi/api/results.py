@@ -121,14 +121,30 @@ def notes_of(reading: Stored, name: str) -> dict[str, str]:
     return meaning._replace(text=text, formula="").notes
 
 
+_SCIPY = ("dimensions", "variables")  # attributes of this name would replace what its files are made of
+
+
 def netcdf_attributes(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Attributes as netCDF can hold them, which knows no booleans and no None: 1 or 0, and none."""
+    """Attributes as netCDF 3 can hold them.
+
+    It has no booleans, no None, no whole numbers of more than 32 bits, and no lists of texts: those are 1 or 0, none,
+    numbers of 64 bits where these are exact or else texts, and the lines of one text.  A name that scipy's files have
+    for their own is followed by an underscore.
+    """
 
     def plain(value: Any) -> Any:
-        return int(value) if isinstance(value, bool | np.bool_) else value
+        if isinstance(value, bool | np.bool_):
+            return int(value)
+        if isinstance(value, int | np.integer) and not -(2**31) <= value < 2**31:
+            return float(value) if int(float(value)) == value else str(value)
+        return value
+
+    def plain_list(values: Any) -> Any:
+        each = tuple(map(plain, values))
+        return "\n".join(map(str, each)) if any(isinstance(value, str) for value in each) or not each else each
 
     return {
-        name: tuple(map(plain, value)) if isinstance(value, tuple | list) else plain(value)
+        name + "_" * (name in _SCIPY): plain_list(value) if isinstance(value, tuple | list) else plain(value)
         for name, value in values.items()
         if value is not None
     }

@@ -36,6 +36,7 @@ class Plugin(NamedTuple):
     grids: Mapping[str, str] = _NOTHING  #: what a state is on, see ``geometry`` -> what makes one of values on a grid
     formats: Mapping[str, str] = _NOTHING  #: ending of a file, as .npy -> what makes an array of its bytes
     films: Mapping[str, str] = _NOTHING  #: what a state is on -> how films show it, see ``spi.kinds.trajectory.film``
+    in_python: Mapping[str, str] = _NOTHING  #: what a state is on -> how a person gets its values there, a text
     panels: Mapping[str, str] = _NOTHING  #: "kind.word" -> a further panel of a kind, see ``spi.specs.panels``
     noises: Mapping[str, str] = _NOTHING  #: kind under ``noise`` -> its keys, a ``spi.specs.noise.Driver``
     kinds: Mapping[str, str] = _NOTHING  #: name in a spec -> folder or file of a kind of experiment

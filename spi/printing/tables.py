@@ -22,6 +22,7 @@ from ..storage.stored import Estimate, Stored, last
 from .text import (
     LABEL,
     angle_note,
+    duration,
     interval_text,
     narrowed,
     new_table,
@@ -360,7 +361,7 @@ def _paths(record: Stored) -> Iterator[str]:
         return
     until = "" if times is None else f" until t = {times[-1]:g}"
     lost = f", {nonfinite} of them diverged" if nonfinite else ""
-    took = "" if ns is None or math.isnan(ns) else f", {ns:.1f} ns per step and path"
+    took = "" if ns is None or math.isnan(ns) else f", {duration(1e-9 * ns)} per step and path"
     yield f"{samples} paths{until} with h = {step:g}{lost}{took}"
 
 

@@ -228,11 +228,20 @@ def test_without_a_notebook_there_is_no_line(capsys):
     assert capsys.readouterr() == ("", "")
 
 
+def is_short(value):
+    """Whether these are whole numbers of 32 bits."""
+    return all(isinstance(x, int) and not isinstance(x, bool) and abs(x) < 2**31 for x in np.ravel(value).tolist())
+
+
 @pytest.mark.parametrize("kind", KINDS)
 def test_results_of_every_kind_are_written_as_netcdf(kind, tmp_path):
-    """netCDF has no booleans; xarray reads arrays of them back, and attributes as 1 and 0."""
+    """netCDF has no booleans; xarray reads arrays of them back, and attributes as 1 and 0.
+
+    Its version 3, which scipy writes, has no lists of texts and no whole numbers of 64 bits.
+    """
     group = filled(kind)
-    group.attributes.update({"truncate_noise": True, "flags": (True, False), "nothing": None})
+    made = {"truncate_noise": True, "flags": (True, False), "nothing": None, "words": ("one", "two, or three")}
+    group.attributes.update(made | {"none": (), "variables": tuple("abcd"), "large": 2**40, "larger": 2**60 + 1})
     results = spi.Results(records.StoredResults({"kind": kind, "title": "A title", "complete": True}, (group,)))
     (reading,) = views.readings(results.stored)
     for name, (_, values) in reading.exported().items():  # with the ends of intervals
@@ -247,6 +256,17 @@ def test_results_of_every_kind_are_written_as_netcdf(kind, tmp_path):
         for name, values in results.dataset.data_vars.items():
             assert again[name].dtype.kind == values.dtype.kind or values.dtype.kind in "UO"
             assert np.array_equal(again[name], values, equal_nan=values.dtype.kind == "f")
-    results.to_xarray().to_netcdf(tmp_path / "all.nc", engine="h5netcdf")
+    tree = results.to_xarray()
+    for dataset in (results.dataset, *(node.dataset for node in tree.subtree)):
+        for attributes in (dataset.attrs, *(values.attrs for values in dataset.variables.values())):
+            for name, value in attributes.items():
+                assert isinstance(value, str) or np.asarray(value).dtype.kind == "f" or is_short(value), name
+    results.dataset.to_netcdf(tmp_path / "three.nc", engine="scipy")
+    with xarray.open_dataset(tmp_path / "three.nc", engine="scipy") as again:
+        assert set(again.variables) == set(results.dataset.variables)
+        assert again.attrs["words"].splitlines() == ["one", "two, or three"] and again.attrs["none"] == ""
+        assert again.attrs["large"] == 2**40 and int(again.attrs["larger"]) == 2**60 + 1
+        assert again.attrs["variables_"] == "a\nb\nc\nd"
+    tree.to_netcdf(tmp_path / "all.nc", engine="h5netcdf")
     with xarray.open_datatree(tmp_path / "all.nc", engine="h5netcdf") as tree:
         assert tree.attrs["complete"] == 1 and [node.path for node in tree.leaves] == ["/main/splitting"]

@@ -92,7 +92,8 @@ def test_a_further_kind_has_the_numbers_of_statistics_and_a_report(spread, tmp_p
     [
         ({"step": 0.5, "samples": 3}, "3 paths with h = 0.5"),
         ({"step": 0.5, "samples": 3, "nonfinite": 1}, "3 paths with h = 0.5, 1 of them diverged"),
-        ({"step": 0.5, "samples": 3, "ns_per_step": 7.0}, "3 paths with h = 0.5, 7.0 ns per step and path"),
+        ({"step": 0.5, "samples": 3, "ns_per_step": 7.0}, "3 paths with h = 0.5, 7.00 ns per step and path"),
+        ({"step": 0.5, "samples": 3, "ns_per_step": 510660.7}, "3 paths with h = 0.5, 511 µs per step and path"),
         (
             {"order": 1.0, "order_low": 0.9, "order_high": 1.1, "points_in_fit": 3},
             "order 1.000 [0.900, 1.100] (measured; theory states none)",

@@ -108,6 +108,15 @@ panels: [functions, section]
 """
 
 
+def test_drifts_of_large_casimirs_are_also_said_relative_to_them():
+    casimirs = np.array([[0.5, 2e5, -400.0], [0.5, 2e5 + 1e-4, -400.0 - 8e-8]])
+    group = trajectory_group("splitting", np.arange(2.0), np.ones((2, 3)), casimirs)
+    told = "drifts are absolute; those of Casimirs above 100, the largest 2.0e5, are at most 5.0e-10 of their values"
+    assert told in printed(trajectories(group))
+    group = trajectory_group("splitting", np.arange(2.0), np.ones((2, 3)), casimirs / 1e4)
+    assert "drifts are absolute" not in printed(trajectories(group))
+
+
 def test_functions_and_a_section_by_the_map_of_the_step(spec):
     """A turn of a top of period 2 pi with exact flows: so are the crossings, unlike those on lines between states."""
     plan = study.plan(spec(SECTION).cases[0], Part("splitting_symmetric"))

@@ -129,7 +129,7 @@ def test_the_index_says_which_plugin_has_what():
 
 
 @pytest.mark.parametrize(
-    "field", [field for field in plugins.Plugin._fields if field not in ("name", "needs", "groups")]
+    "field", [field for field in plugins.Plugin._fields if field not in ("name", "needs", "groups", "in_python")]
 )
 def test_all_that_is_offered_is_there(field):
     importlib.import_module("spi.cli")  # which imports commands, and they import it

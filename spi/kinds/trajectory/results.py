@@ -8,12 +8,13 @@ import numpy as np
 
 from spi.kinds.blocks import Acceptance
 from spi.printing.tables import Column, Table
-from spi.printing.text import power_of_two
+from spi.printing.text import power_of_two, short
 from spi.specs.panels import numbers_of
 from spi.statistics.claims import lost_among
 from spi.storage.records import Variables
 from spi.storage.stored import DIVERGED, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
 
+_LARGE = 100.0  # a Casimir whose absolute drift reads as a loss of accuracy
 _AT_A_TIME = 2**20  # numbers of states that are looked at together, so that large lattices need no further copy
 
 
@@ -164,7 +165,7 @@ class Trajectory(Stored):
             return float(np.abs(self.hamiltonian - self.hamiltonian[0]).max())
 
     def remarks(self) -> Iterator[str]:
-        """Crossings, and the quantities that are not defined along a path which did not diverge."""
+        """Crossings, quantities that are not defined along a path which did not diverge, and relative drifts."""
         if self.section is not None:
             count = len(self.section.t)
             yield f"{self.about.label}: {count} crossings of {self.section.of} = 0, {self.section.located}"
@@ -173,6 +174,12 @@ class Trajectory(Stored):
         for name, values in {"H": self.hamiltonian, **named}.items():
             if lost := lost_times(self, values):
                 yield f"{self.about.label}: {name} is {lost}"
+        start, drift = np.abs(self.casimirs[0]), np.abs(self.changes).max(axis=0)
+        large = (start > _LARGE) & np.isfinite(start) & np.isfinite(drift)
+        if large.any():
+            share = short(float((drift[large] / start[large]).max()))
+            those = f"Casimirs above {_LARGE:g}, the largest {short(float(start[large].max()))},"
+            yield f"{self.about.label}: drifts are absolute; those of {those} are at most {share} of their values"
 
     @derived("", "1 if the path diverged", claim=DIVERGED)
     def nonfinite(self) -> bool:

@@ -15,6 +15,11 @@ from .models.tables import modes as modes_of
 __all__ = ["energy", "enstrophy", "field", "modes", "order", "spectrum", "state", "velocity"]
 
 
+def __dir__() -> list[str]:
+    """Names of functions, without what they are made of."""
+    return __all__
+
+
 def field(y: Any, grid: int) -> np.ndarray:
     """Vorticity (..., G, G) on a grid of G = `grid` points a side, omega(x) = sum over all m of omega_m exp(i m.x).
 
@@ -26,7 +31,8 @@ def field(y: Any, grid: int) -> np.ndarray:
 def velocity(y: Any, grid: int) -> np.ndarray:
     """Velocities (..., 2, G, G) with the curl omega: u = (-d psi / d x_2, d psi / d x_1), Laplacian psi = omega.
 
-    With the signs of the model the vorticity is moved by -u.  Raises ValueError if G < N.
+    With the signs of the model vorticity, tracers and particles move with -u, times 2 pi / N where `normalisation` is
+    `paper`: omega' = + u . grad omega, so that positive vorticity turns clockwise.  Raises ValueError if G < N.
     """
     return fields.velocity(_states(y), grid)
 

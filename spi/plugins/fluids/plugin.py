@@ -13,6 +13,7 @@ PLUGIN = Plugin(
     offered={"fluid": "spi.plugins.fluids.api"},
     grids={"torus": "spi.plugins.fluids.specs.initial:of_grid"},
     films={"torus": "spi.plugins.fluids.kinds.trajectory.figure:FILM"},
+    in_python={"torus": "`spi.fluid.field(spi.load(FILE).y, 64)` in Python is the vorticity on 64 x 64 points"},
     groups={"fluids": "the sine-Euler equations and their limit"},
     panels={
         "trajectory.vorticity": "spi.plugins.fluids.kinds.trajectory.words:VORTICITY",

@@ -9,6 +9,7 @@ import typer
 from spi.cli.options import INVALID, LOOK, RESULTS, Command, ResultsFile, ResultsFolder, RunOptions, run_options, stored
 from spi.cli.options import end as end_with
 from spi.cli.terminal import tell
+from spi.plugins import offers
 
 if TYPE_CHECKING:
     from spi.kinds.trajectory.results import Trajectory
@@ -36,10 +37,12 @@ def export(
     from spi.kinds.trajectory.results import Trajectory
 
     (path,) = stored([source], results, options)
-    readings = [one for one in views.readings(storage.read(path)) if isinstance(one, Trajectory)]
-    readings = [one for one in readings if one.place.get("on") == "lattice"]
+    found = [one for one in views.readings(storage.read(path)) if isinstance(one, Trajectory)]
+    readings = [one for one in found if one.place.get("on") == "lattice"]
     if not readings:
-        end_with(INVALID, f"{path}: has no states of spins; give results of kind trajectory of the model spins")
+        others = {offers("in_python").get(one.place.get("on")) for one in found} - {None}
+        right = next(iter(others), "give results of kind trajectory of the model spins")
+        end_with(INVALID, f"{path}: has no states of spins; {right}")
     folder, files = out or path.parent, dict[Path, bytes]()
     for one in readings:
         for number in range(len(one.t)) if every else _numbers(one, time):

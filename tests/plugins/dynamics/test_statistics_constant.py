@@ -99,6 +99,7 @@ def test_a_figure_says_that_a_constant_is_one_and_shows_nothing_of_its_roundings
         name: [plot for panel in panels for plot in panel.expand([found], looks)] for name, panels in PANELS.items()
     }
     same, square = plots["mean"][0], plots["mean"][2]
+    assert plots["mean"].pop() == "bands of means: 95 % for all times together"
     assert same.text.startswith(r"$\mathrm{E}\,[\mathrm{enstrophy}]$ conserved")
     (constant,) = same.panels
     line = constant.series[0]

@@ -50,6 +50,20 @@ def test_a_mean_is_subtracted_on_demand(spec, error, tmp_path):
     np.testing.assert_allclose(case.initial, state(5), atol=1e-14)
 
 
+def test_the_mean_of_single_numbers_has_their_rounding_error(spec, error, tmp_path):
+    """A mean that rounding to single precision has made is none; the same in double precision is one."""
+    five, field = (f"n: {N}", "n: 5"), fields.vorticity(state(5), 16)
+    single = field.astype(np.float32)
+    assert abs(single.mean(dtype=float)) > 1e-10
+    np.save(tmp_path / "y.npy", single)
+    np.testing.assert_allclose(spec(SPEC, *five).cases[0].initial, state(5), atol=1e-6)
+    np.testing.assert_allclose(fields.projected(single, 5), state(5), atol=1e-6)
+    np.save(tmp_path / "y.npy", field + single.mean(dtype=float))
+    assert "initial.file: has the mean" in error(SPEC, *five)
+    np.save(tmp_path / "y.npy", single + np.float32(1e-4))
+    assert "initial.file: has the mean" in error(SPEC, *five)
+
+
 def test_arrays_from_python(tmp_path, monkeypatch):
     """They go past the reader of YAML, in a mapping, a case and an override; a short list stays in the text."""
     monkeypatch.chdir(tmp_path)

@@ -58,6 +58,11 @@ def test_a_spectrum_over_paths(spec, tmp_path):
     half = one.interval() * one.mean_stderr[:3, 2]
     expected = [[1, 2, 3], one.mean[:3, 2] - half, one.mean[:3, 2] + half]
     np.testing.assert_allclose(np.array(bars_of(ax, "$t=0.5$")), expected, rtol=1e-12)
+    assert ax.get_ylabel() == "mean of $E(k)$ (95 %)"
+    last = one.mean[:3, 2].min()
+    results.groups[0].variables["mean"][1][2, 0] = 1e-23  # next to nothing at the start, where no interval is seen
+    (ax,) = views.figure(results).axes
+    assert 1e-4 * last < ax.get_ylim()[0] < 1e-2 * last
 
 
 @pytest.mark.needs("dynamics")

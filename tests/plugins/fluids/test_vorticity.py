@@ -13,13 +13,16 @@ from matplotlib.animation import PillowWriter
 from PIL import Image
 from states import finished
 from trajectory_results import trajectories, trajectory_group
+from typer.testing import CliRunner
 from view_helpers import legend_texts, line_of, title
 
+import spi
 from spi import cli, storage, views
 from spi.ensemble.protocol import hamiltonian
 from spi.kinds.trajectory import study
 from spi.models import RigidBody, SineEuler
 from spi.models.delegation import damped
+from spi.plugins.fluids import api
 from spi.plugins.fluids.models import Zeitlin, fields
 from spi.plugins.fluids.models.tables import modes, shell
 from spi.plugins.spins.kinds.trajectory.figure import colours_of_spins
@@ -56,13 +59,17 @@ def test_a_field_is_the_sum_of_its_modes(n, points):
 
 
 def test_what_is_no_field_of_a_lattice():
-    with pytest.raises(ValueError, match="4 points a side are too few for the lattice modulo 5"):
+    with pytest.raises(ValueError, match="4 points a side are too few for the lattice modulo 5; give at least 5"):
         fields.vorticity(states(5), 4)
     with pytest.raises(ValueError, match="3 points a side"):
         fields.projected(np.zeros((3, 3)), 5)
     field = fields.vorticity(states(5), 8)
     with pytest.raises(ValueError, match="the mean of a vorticity on the torus must be 0"):
         fields.projected(field + 1e-10, 5)
+
+
+def test_the_module_shows_its_functions():
+    assert dir(api) == sorted(api.__all__) and "np" not in dir(api)
 
 
 def test_energy_enstrophy_and_spectrum():
@@ -138,6 +145,17 @@ def test_states_of_large_lattices(spec, tmp_path):
     group = trajectory_group("splitting", np.arange(2.0), np.stack([y, y]), np.ones((2, 1)), initial=case.initial)
     storage.write(tmp_path / "a.h5", trajectories(group, spec="y" * 10**6))
     assert storage.read(tmp_path / "a.h5").groups[0].attributes["initial"] == case.initial
+
+
+@pytest.mark.needs("spins")
+def test_export_says_how_fields_are_had(tmp_path):
+    y = np.stack([states(5)] * 2)
+    group = trajectory_group("splitting", np.array([0.0, 1.0]), y, np.ones((2, 1)), geometry='{"on": "torus"}')
+    storage.write(tmp_path / "a.h5", trajectories(group))
+    result = CliRunner().invoke(cli.app, ["export", str(tmp_path / "a.h5")])
+    assert result.exit_code == 2
+    assert "a.h5: has no states of spins; `spi.fluid.field(spi.load(FILE).y, 64)` in Python is" in result.output
+    assert spi.fluid.field(spi.load(tmp_path / "a.h5").y, 64).shape == (2, 64, 64)
 
 
 # --- trajectories ----------------------------------------------------------------------------------------------------

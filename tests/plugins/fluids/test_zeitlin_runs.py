@@ -56,8 +56,12 @@ def test_good_specs(spec):
     (case,) = spec(TEXT, MODEL, model(both)).cases
     assert [process.form for process in case.model.processes] == ["quadratic", "cosine", "sine"]
     experiment = spec(TEXT, MODEL, "{name: zeitlin, n: 5}", "schemes: [splitting]", "schemes: [splitting_symmetric]")
-    ((cell, kept),) = reports(experiment).values()
-    assert cell.startswith("N = 5 resolves cells of") and kept.startswith("Casimirs at the start")
+    ((sense, cell, kept),) = reports(experiment).values()
+    assert (
+        "move with -u" in sense
+        and cell.startswith("N = 5 resolves cells of")
+        and kept.startswith("Casimirs at the start")
+    )
     assert runner.cost(experiment).seconds < 60
 
 

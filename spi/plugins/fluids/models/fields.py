@@ -56,11 +56,18 @@ def projected(field: np.ndarray, n: int) -> np.ndarray:
     _check_points(field.shape[-1], n)
     m1, m2 = _frequencies(n)
     largest = np.abs(field).max(axis=(-2, -1))
-    if (np.abs(field.mean(axis=(-2, -1))) > MEAN_ROUNDING * largest).any():
+    if (np.abs(field.mean(axis=(-2, -1))) > mean_rounding(field) * largest).any():
         raise ValueError("the mean of a vorticity on the torus must be 0")
     omega = np.fft.rfft2(field, norm="forward")[..., m1, m2]
     y = np.stack([omega.real, omega.imag], axis=-1).reshape(*omega.shape[:-1], -1)
     return np.where(np.abs(y) > MODE_ROUNDING * largest[..., None], y, 0.0)
+
+
+def mean_rounding(field: np.ndarray) -> float:
+    """Rounding error of the mean relative to the largest value, of numbers that all are of single precision or not."""
+    with np.errstate(over="ignore"):
+        single = np.array_equal(field, field.astype(np.float32))
+    return float(np.finfo(np.float32).eps) if single else MEAN_ROUNDING
 
 
 def velocity(y: np.ndarray, points: int) -> np.ndarray:
@@ -166,15 +173,17 @@ def _frequencies(n: int) -> tuple[np.ndarray, np.ndarray]:
 def _check_points(points: int, n: int) -> None:
     """ValueError unless a grid of `points` points a side distinguishes the modes."""
     if points < n:
-        raise ValueError(f"{points} points a side are too few for the lattice modulo {n}")
+        raise ValueError(f"{points} points a side are too few for the lattice modulo {n}; give at least {n}")
 
 
 # ---------------------------------------------------------------------------------------------------------------------
 # The scales that a vorticity on the torus modulo N resolves.
 #
-# The bracket sin(2 pi (m x k) / N) N / (2 pi) is that of a fluid where m x k is small beside N: matrices of N x N
-# entries hold cells of area (2 pi)^2 / N.  How much finer a state is shows in its Casimirs: C_k = tr W^k / N is the
-# mean of omega^k where the cells are small enough, and less in modulus where a vortex fills few of them.
+# The bracket sin(2 pi (m x k) / N) N / (2 pi) is that of a fluid where m x k is small beside N.  It is that of quantum
+# mechanics with hbar = 4 pi / N, where a state takes the area 2 pi hbar = 8 pi^2 / N.  The torus has N / 2 such cells
+# and W has N eigenvalues: those of a compact vortex come in nearly equal pairs, a pair for each cell.  How much finer a
+# state is shows in its Casimirs: C_k = tr W^k / N is the mean of omega^k where the cells are small enough, and less in
+# modulus where a vortex fills few of them.
 #
 # By NumPy and not by the kernels, so that `spi check` compiles nothing for it.
 # ---------------------------------------------------------------------------------------------------------------------
@@ -184,8 +193,9 @@ _SMALL = 1e-3  # of the mean of |omega|^k: a mean of omega^k that cannot be comp
 
 
 def report(model: Any, initial: Sequence[float]) -> list[str]:
-    """Lines on what a model resolves of an initial state."""
-    lines = [f"N = {model.n} resolves cells of 2 pi/sqrt(N) = {cell(model.n):.2f}, not the grid of its modes"]
+    """Lines on the sense of rotation, and on what a model resolves of an initial state."""
+    lines = ["vorticity, tracers and particles move with -u, where curl u = omega: positive vorticity turns clockwise"]
+    lines += [f"N = {model.n} resolves cells of side 2 pi sqrt(2/N) = {cell(model.n):.2f}, not the grid of its modes"]
     each = enumerate(ratios(np.array(initial)[: model.n**2 - 1], min(_MOST, model.n - 1)), 2)
     if casimirs := ", ".join(f"C_{k} {ratio:.2f}" for k, ratio in each if math.isfinite(ratio)):
         lines.append(f"Casimirs at the start, of the means of omega^k (1 for a fluid): {casimirs}")
@@ -193,8 +203,8 @@ def report(model: Any, initial: Sequence[float]) -> list[str]:
 
 
 def cell(n: int) -> float:
-    """Side of a cell, 2 pi / sqrt(N)."""
-    return 2 * math.pi / math.sqrt(n)
+    """Side of a cell, whose area is 8 pi^2 / N."""
+    return 2 * math.pi * math.sqrt(2 / n)
 
 
 def ratios(y: np.ndarray, count: int) -> list[float]:

@@ -115,13 +115,13 @@ def _vorticity(n: int, name: str, *x: Any) -> Callable[[Array], Any]:
 
 
 def _velocity1(n: int, name: str, *x: Any) -> Callable[[Array], Any]:
-    """u_1, with i m_2 omega_m / |m|^2."""
+    """u_1, with i m_2 omega_m / |m|^2; the fluid moves with -u."""
     cos, sin, _, m2 = _waves(n, name, x)
     return _sum_of(-2 * m2 * sin, -2 * m2 * cos)
 
 
 def _velocity2(n: int, name: str, *x: Any) -> Callable[[Array], Any]:
-    """u_2, with -i m_1 omega_m / |m|^2."""
+    """u_2, with -i m_1 omega_m / |m|^2; the fluid moves with -u."""
     cos, sin, m1, _ = _waves(n, name, x)
     return _sum_of(2 * m1 * sin, 2 * m1 * cos)
 

@@ -175,7 +175,7 @@ def _of_samples(values: np.ndarray, subtract_mean: bool, n: int, *keys: str | in
     mean, largest = float(values.mean()), float(np.abs(values).max())
     if subtract_mean:
         values = values - mean
-    elif abs(mean) > fields.MEAN_ROUNDING * largest:
+    elif abs(mean) > fields.mean_rounding(values) * largest:
         fault = f"has the mean {mean:.12g}, which must be 0 on the torus"
         raise wrong(fault, "subtract it, or add subtract_mean: true", *keys)
     return tuple(fields.projected(values, n).tolist())

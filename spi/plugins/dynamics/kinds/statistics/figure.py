@@ -79,6 +79,12 @@ def _with_quantiles(plot: plots.Plot, readings: Sequence[Statistics], f: int) ->
     return plot._replace(series=[*plot.series, *lines], entries=entries)
 
 
+def _told(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[str]:
+    """What the bands of means are, which are wider than the intervals of tables and than other bands."""
+    if any(len(one.t) > 1 and not one.is_constant.all() for one in readings):
+        yield "bands of means: 95 % for all times together"
+
+
 def _since(plot: plots.Plot, readings: Sequence[Statistics], f: int) -> plots.Plot:
     since = style.number(float(readings[0].since[f])) if readings[0].since is not None else "0"
     name = style.maths(readings[0].functions[f], readings[0].about.variables)
@@ -262,7 +268,8 @@ PANELS: dict[str, Any] = {
             reference_by=_formula,
             conserved=True,
             then=_with_quantiles,
-        )
+        ),
+        panels.OwnPanels(_told),
     ],
     "difference": [
         _over_time(

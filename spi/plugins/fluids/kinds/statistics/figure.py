@@ -8,6 +8,7 @@ import numpy as np
 
 from spi.drawing import panels, plots, style
 
+from ..trajectory.figure import limits_of
 from .words import shells_in
 
 _MOST_TIMES = 4  # of the spectra of one scheme
@@ -18,7 +19,7 @@ def spectra(readings: Sequence[Any], looks: style.Looks) -> Iterator[plots.Plot]
 
     Over time also the references.
     """
-    lines = []
+    lines, energies = [], []
     for one in readings:
         over_time = hasattr(one, "averages")
         texts = one.averages.texts if over_time else one.texts
@@ -32,6 +33,7 @@ def spectra(readings: Sequence[Any], looks: style.Looks) -> Iterator[plots.Plot]
             places = np.unique(np.linspace(len(one.t) - 1, 0, min(few, len(one.t))).round().astype(int))
             half = one.interval() * one.mean_stderr
             each = [(one.mean[chosen, i], half[chosen, i], f"$t={style.number(float(one.t[i]))}$") for i in places]
+        energies.append(np.array([mean for mean, _, _ in each]))
         shades = style.shades(len(each))
         for (mean, half, when), shade in zip(each, shades, strict=True):
             look = panels.scheme_look(one, looks)
@@ -40,9 +42,11 @@ def spectra(readings: Sequence[Any], looks: style.Looks) -> Iterator[plots.Plot]
             label = ", ".join(filter(None, [style.label(one.about) if len(readings) > 1 else "", when]))
             lines.append(plots.series(shells, np.where(mean > 0, mean, np.nan), look, label, half))
     if over_time and np.isfinite(known := one.averages.reference[chosen]).any():
+        energies.append(known[np.newaxis])
         lines.append(plots.series(shells, known, {"color": "black", "linestyle": "--", "linewidth": 1.0}, "reference"))
     title = style.label(readings[0].about) if len(readings) == 1 else ""
-    yield plots.Plot(lines, title, "wave number $k$", r"$\mathrm{E}\,[E(k)]$", "log", True)
+    label, limits = "mean of $E(k)$ (95 %)", limits_of(energies)
+    yield plots.Plot(lines, title, "wave number $k$", label, "log", True, ylim=limits)
 
 
 SPECTRUM = [panels.OwnPanels(spectra)]

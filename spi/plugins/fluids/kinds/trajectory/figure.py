@@ -192,12 +192,13 @@ def _slope(energies: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
 
 
 def spectrum_limits(readings: TrajectoryReadings) -> tuple[float, float]:
-    """Limits of energies in spectra, which suit the schemes that preserve something, if there are any.
-
-    They end where rounding errors begin, and not far below the energies at the last time.
-    """
+    """Limits of energies in spectra, which suit the schemes that preserve something, if there are any."""
     good = [reading for reading in readings if not reading.preserves_nothing] or readings
-    each = [spectra_of(reading) for reading in good]
+    return limits_of([spectra_of(reading) for reading in good])
+
+
+def limits_of(each: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Limits of energies (times, shells): where rounding errors begin, and not far below those at the last time."""
     values = _positive(np.concatenate([energies.ravel() for energies in each]))
     if not values.size:
         return 0.1, 10.0
