@@ -557,6 +557,24 @@ def check_once(record, initial):
     return complaints
 
 
+def undefined(model, y):
+    """Where a generated model is not finite, ``(0, 1), where H is not finite``; "" if that is not at the state y."""
+    parts = {"H": protocol.hamiltonian, "the gradient of H": protocol.drift_gradient}
+    parts["the bracket"] = lambda model, y: protocol.structure(model, y, y)
+    for k in range(protocol.noises(model)):
+        parts[f"the gradient of noise {k + 1}"] = lambda model, y, k=k: protocol.noise_gradient(model, k, y)
+    with uncompiled(), np.errstate(all="ignore"):
+        what = next((name for name, part in parts.items() if not _is_finite(part, model, y)), "")
+    return what and f"{shown(y)}, where {what} is not finite"
+
+
+def _is_finite(part, model, y):
+    try:
+        return bool(np.isfinite(part(model, y)).all())
+    except (ArithmeticError, ValueError):
+        return False
+
+
 def _moving(record):
     """A generated model at a time at which none of its functions of time vanishes, as one may at the beginning."""
     if not answers(protocol.frozen, record):

@@ -239,10 +239,19 @@ def split_facts(of_cases: list[dict[str, str]]) -> tuple[list[str], list[list[st
     ]
 
 
+class Formulas(tuple[str, ...]):
+    """Formulas of the numbers of a parameter, in which a swept word stands."""
+
+    def __str__(self) -> str:
+        """In mathtext, as it would be a number or a tuple of numbers."""
+        each = [formula(text) for text in self]
+        return each[0] if len(each) == 1 else "(" + r",\,".join(each) + ")"
+
+
 def _is_shown(value: Any) -> bool:
     """Whether a parameter is a number or a few numbers."""
     return not isinstance(value, str | bool) and (
-        not isinstance(value, tuple) or isinstance((*value, "")[0], int | float)
+        not isinstance(value, tuple) or isinstance(value, Formulas) or isinstance((*value, "")[0], int | float)
     )
 
 
@@ -275,7 +284,9 @@ def _of_model(about: Description) -> dict[str, str]:
             texts["model_noise"] = plain(f"noise: {value}") if value else "no noise"
         elif _is_shown(value) and of_model.get(name) != "":
             named = of_model.get(name) or symbol(name) or r"\mathrm{" + name.replace("_", r"\ ") + "}"
-            texts[f"model_{name}"] = f"${named}={number(value)}$"
+            typeset = f"${named}={value if isinstance(value, Formulas) else number(value)}$"
+            if not isinstance(value, Formulas) or _parses(typeset):
+                texts[f"model_{name}"] = typeset
     return texts
 
 

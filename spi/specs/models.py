@@ -18,7 +18,7 @@ import pydantic
 from pydantic import Field, PlainValidator, create_model
 from pydantic_core import PydanticCustomError
 
-from ..checks.model_checks import check_once
+from ..checks.model_checks import check_once, undefined
 from ..compiler import modules
 from ..compiler.dispatch import answers
 from ..ensemble.protocol import fault, generated, large, state_fault
@@ -214,6 +214,9 @@ def check_words(model: Any, initial: tuple[float, ...]) -> None:
     if complaints := check_once(model, initial):
         more = f" (and {len(complaints) - 1} more)" if complaints[1:] else ""
         if generated(model):  # the name and lines of its class say nothing
+            if where := undefined(model, initial):
+                right = "near the initial state the formulas must be finite; begin elsewhere, or take others"
+                raise wrong(f"is {where}", right, "initial")
             complaint = re.sub(r"^\w+, line \d+, raises \w+ ", "a number cannot be computed ", complaints[0])
             raise wrong(f"{complaint}{more}", _remedy(complaint), "model", *SOURCES)
         fault = f"{type(model).__qualname__} in {modules.source_name(type(model))}: {complaints[0]}{more}"

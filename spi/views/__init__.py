@@ -2,8 +2,10 @@
 
 import difflib
 import json
+import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any, NamedTuple
 
@@ -273,9 +275,9 @@ def figure(results: StoredResults, **given: Any) -> "PanelFigure":
         if of := read_figure(given).get("crossing"):
             _check_crossing(of, over, words)
         drawn: PanelFigure = (
-            _swept_figure(heading, over, results.attributes.get("spec", ""))
+            _swept_figure(heading, over, results)
             if over
-            else KINDS[kind].figure.draw(heading, by_case(read))
+            else KINDS[kind].figure.draw(heading, by_case(_with_formulas(results, read)))
         )
         page.current().check_labels(read_figure(given).get("labels", ()))
         fitting.settle(drawn)
@@ -294,14 +296,17 @@ def _check_crossing(of: str, cases: Sequence[SweptCase], words: dict[str, Any]) 
         raise ValueError(f"crossing: is of lines, and two words make a map; add overlay: {second}")
 
 
-def _swept_figure(title: str, cases: Sequence[SweptCase], spec: str) -> "PanelFigure":
+def _swept_figure(title: str, cases: Sequence[SweptCase], results: StoredResults) -> "PanelFigure":
     """Curves over the parameter, or maps over two, a line of panels for each case; ValueError if nothing is known."""
     from ..drawing import page
     from ..drawing.sweeps import draw, draw_maps, each_value
 
-    drawn = [(whole.title, whole.curves, facts(whole.readings)) for whole in cases if whole.curves]
+    drawn = [
+        (whole.title, whole.curves, facts(_with_formulas(results, whole.readings))) for whole in cases if whole.curves
+    ]
     if not drawn:
         raise ValueError("nothing that is to be shown over the swept parameter is known; choose with sweep.of")
+    spec = results.attributes.get("spec", "")
     texts = _formulas(spec, "functions"), _formulas(spec, "reference")
     words = {curve.second_word for _, curves, _ in drawn for curve in curves}
     if words == {page.current().chosen.get("overlay")}:
@@ -324,6 +329,37 @@ def _formulas(spec: str, key: str) -> dict[str, str]:
     own = {name for case in cases if isinstance(case, dict) for name in case.get(key) or ()}
     named = functions.items() if isinstance(functions, dict) else ()
     return {str(name): str(text) for name, text in named if isinstance(text, str | int | float) and name not in own}
+
+
+def _with_formulas(results: StoredResults, read: list[Stored]) -> list[Stored]:
+    """Records with the formulas of the spec in place of the numbers of parameters that follow from a swept word.
+
+    They keep their numbers where the model in the spec is not what was run: with overrides, or with models of cases.
+    """
+    from ..drawing.style import Formulas
+
+    words = {word for one in read for word in (*(one.about.swept.places if one.about.swept else ()), one.get("sweep"))}
+    try:
+        whole: Any = Document(str(results.attributes["spec"]), str).data
+        model, own = whole["model"], [case for case in whole.get("cases") or () if "model" in case]
+        given = {**model, **(model.get("parameters") or {})}
+    except (SpecError, AttributeError, TypeError, KeyError):
+        return read
+    if own or len(results.attributes.get("overrides", ())):
+        return read
+    found = {}
+    for name, value in given.items():
+        texts = Formulas(map(str, value if isinstance(value, list) else [value]))
+        used = {word for text in texts for word in re.findall(r"[A-Za-z_]\w*", text)}
+        if (
+            used & words
+            and name not in words
+            and not isinstance(value, dict)
+            and not used & {*given.get("variables", ())}
+        ):
+            found[name] = texts
+    about = [replace(one.about, parameters=one.about.parameters | found) for one in read]
+    return [replace(one, about=its) for one, its in zip(read, about, strict=True)]
 
 
 def film(results: StoredResults, **given: Any) -> "Film":

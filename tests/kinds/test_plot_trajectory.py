@@ -56,6 +56,17 @@ def test_changes_of_casimirs_at_their_own_scale():
     assert edge(ax, CARETUP) == [(0.01, SCHEMES["euler_maruyama"].look[1].lower())]  # where it leaves
 
 
+def test_the_time_axis_ends_behind_the_last_path_if_all_diverged():
+    ends = {"midpoint": 20, "splitting": 40}
+    lost = [
+        path_group(s, np.where(T[:, None] >= T[k], np.nan, on_circle(1.0)), np.ones((101, 1))) for s, k in ends.items()
+    ]
+    (ax,) = views.figure(trajectories(*lost)).axes
+    assert ax.get_xlim() == (0.0, pytest.approx(1.1 * T[40]))
+    (ax,) = views.figure(trajectories(*lost, path_group("euler_maruyama", on_circle(1.0), np.ones((101, 1))))).axes
+    assert ax.get_xlim() == (0.0, T[-1])
+
+
 def test_two_casimirs_and_complex_modes():
     y = np.tile([0.1, 0.3, 0.2, 0.3, 0.3, -0.2, 0.4, 0.1], (101, 1))
     casimirs = np.stack([0.53 + 1e-3 * T, np.where(T > 0, 1e-2, 0.0)], axis=1)

@@ -53,8 +53,11 @@ def window(curves: Sequence[tuple[Trajectory, np.ndarray]], errors: bool = False
 
 
 def times_shown(readings: TrajectoryReadings) -> tuple[float, float]:
-    """Limits of the axis of time."""
+    """Limits of the axis of time, which ends a little behind the last path if all of them diverged."""
     t = readings[0].t
+    ends = [one.nonfinite_from for one in readings if one.nonfinite_from is not None]
+    if len(ends) == len(readings) and len(t) > 1:
+        return float(t[0]), float(min(t[-1], t[0] + 1.1 * (max(ends) - t[0])))
     return float(t[0]), float(t[-1] if len(t) > 1 else t[0] + 1)
 
 

@@ -1,7 +1,7 @@
 """Records of trajectories, and the times at which a quantity along a path is not defined."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -71,6 +71,7 @@ class Trajectory(Stored):
                 Column("casimir_drift", "drift\n{}", over="casimir"),
                 Column(lambda one, _: float(one.lowest.min()), "smallest\ncomponent", form=".3g"),
                 Column("nonfinite_from", "diverged\nat t =", form="g", red=-1),
+                Column("casimir_drift_before", "drift {}\nbefore", over="casimir"),
                 Column("solver_failures", "solver\nfailures"),
                 Column("solver_iterations_mean", "iterations\na step", form=".1f"),
             ],
@@ -164,6 +165,41 @@ class Trajectory(Stored):
         with np.errstate(invalid="ignore"):
             return float(np.abs(self.hamiltonian - self.hamiltonian[0]).max())
 
+    @derived("casimir", "largest changes of the Casimirs until the path diverged")
+    def casimir_drift_before(self) -> Array | None:
+        """(C,) max |C(y_n) - C(y_0)| over the stored times where y and C are finite; None where C(y_n) has a drift."""
+        return None if np.isfinite(self.casimir_drift).all() else self._before(self.changes)
+
+    @derived("", "largest change of the Hamiltonian until the path diverged")
+    def hamiltonian_drift_before(self) -> Array | None:
+        """As the drift of the Casimirs."""
+        with np.errstate(invalid="ignore"):
+            return self._before(self.hamiltonian - self.hamiltonian[0])
+
+    def _before(self, changes: Array) -> Array | None:
+        """Largest of `changes` (times, ...) until the path diverged; None if it did not."""
+        if self.nonfinite_from is None:
+            return None
+        until = changes[self.t < self.nonfinite_from]
+        largest: Array = np.abs(until).max(axis=0, where=np.isfinite(until), initial=0.0)
+        return largest
+
+    @classmethod
+    def answers(cls, readings: Sequence["Trajectory"]) -> Iterator[str]:
+        """Drifts, of paths that diverged those until then; none if no path did, as the headline says them."""
+        if all(one.nonfinite_from is None for one in readings):
+            return
+        for name, title in (("casimir_drift", "Casimir drift"), ("hamiltonian_drift", "Hamiltonian drift")):
+            both = [(one.get(name), one.get(f"{name}_before")) for one in readings]
+            drifts = [drift if before is None else before for drift, before in both]
+            each = [
+                f"{short(float(np.max(drift)), '.3g')}{_until(one)} with {one.about.label}"
+                for one, drift in zip(readings, drifts, strict=True)
+                if np.size(drift)
+            ]
+            if each:
+                yield f"{title}: {'; '.join(each)}."
+
     def remarks(self) -> Iterator[str]:
         """Crossings, quantities that are not defined along a path which did not diverge, and relative drifts."""
         if self.section is not None:
@@ -185,6 +221,10 @@ class Trajectory(Stored):
     def nonfinite(self) -> bool:
         """Whether the path diverged."""
         return self.nonfinite_from is not None
+
+
+def _until(one: Trajectory) -> str:
+    return "" if one.nonfinite_from is None else f" until it diverged at t = {one.nonfinite_from:.3g}"
 
 
 def lost_times(record: Trajectory, values: Array) -> str:

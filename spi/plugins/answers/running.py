@@ -7,12 +7,15 @@ from typing import Any
 from spi import specs
 from spi.kinds.plans import State
 from spi.running import compiling
-from spi.running.load import load_about
+from spi.running.load import STORED, load, load_about
 from spi.running.run import Watch, kernel_calls, plans, progress_of_part
+from spi.running.shipped import names, path_of
 from spi.running.workers import advance_some_here, allocate
+from spi.specs.document import Document, text_of
+from spi.specs.naming import as_override
 
 from .kinds.answer.decisions import Prediction
-from .kinds.answer.keys import question
+from .kinds.answer.keys import DEFAULTS, question
 
 
 def load_answer(
@@ -20,9 +23,25 @@ def load_answer(
 ) -> specs.Experiment:
     """An answer about the system and the initial value of an experiment, called ``<name>.answer``.
 
-    SpecError as for ``spi.running.load.load_any``, and if there are no answers about what is integrated.
+    A file that says a system only, without a kind, is one itself.  SpecError as for ``spi.running.load.load_any``, and
+    if there are no answers about what is integrated.
     """
+    if Path(path).suffix not in STORED and (text := _of_system(path)):
+        whole = load(path, profile or "laptop", overrides, text)
+        return whole._replace(name=f"{whole.name}.answer")
     return load_about(path, "answer", _question, profile, overrides, trust_code)
+
+
+def _of_system(path: str | Path) -> str:
+    """Spec of an answer with the text of a file that says a system only, in which no line moves; "" of other files."""
+    text = text_of(path_of(path), names())
+    data = Document(text, lambda line: f"{path}:{line}:").data
+    if not isinstance(data, dict) or "model" not in data or {"kind", "step", "steps"} & data.keys():
+        return ""
+    missing = {key: value for key, value in DEFAULTS.items() if key not in data}
+    return "\n".join(
+        [text.rstrip(), *(as_override(key, value).replace("=", ": ", 1) for key, value in missing.items())]
+    )
 
 
 def _question(source: specs.Experiment, overrides: Sequence[str]) -> str:

@@ -221,7 +221,7 @@ def _stronger(shared: Mapping[str, Any], case: Any) -> dict[str, Any]:
     sigma = strengths(undamped(case.model))
     if not any(sigma):
         return {}
-    model = {**shared["model"], "sigma": [f"noise_factor*{float(value)!r}" for value in sigma]}
+    model = {**shared["model"], "sigma": [f"{float(value)!r}*noise_factor" for value in sigma]}
     return {"model": model, "sweep": {"noise_factor": _FACTORS}}
 
 

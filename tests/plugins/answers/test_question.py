@@ -39,6 +39,20 @@ def test_the_question_is_about_the_same_system(source):
     assert load(made.path, text=made.text).hash == made.hash  # it is a spec like any other
 
 
+def test_a_file_that_says_a_system_only_is_asked_about(tmp_path):
+    path, model = tmp_path / "top.yaml", "model: {name: rigid_body, inertia: [2, 1, 2/3], noise_inertia: [1, 2, 3]}\n"
+    path.write_text(f"{model}initial: [1, 0, 0]\nfinal_time: 1\n")
+    made = load_answer(path, overrides=["functions=y2^2"])
+    assert (made.kind, made.name, made.cases[0].last_time) == ("answer", "top.answer", 1.0)
+    assert {*made.cases[0].functions} == {"phi"} and {*load_answer(path).cases[0].functions} == {"mean", "square"}
+    path.write_text(f"{path.read_text()}damping: x\n")
+    with pytest.raises(SpecError, match=r"top.yaml:4: damping: "):
+        load_answer(path)
+    path.write_text(f"{model}steps: 2^-2 .. 2^-4\n")
+    with pytest.raises(SpecError, match="add kind: "):
+        load_answer(path)
+
+
 def test_of_a_swept_parameter_the_middle_value_counts():
     olds = [[*each] for _, each in groupby(load("stability_large_steps").cases, lambda case: case.owner)]
     for case, old in zip(load_answer("stability_large_steps").cases, olds, strict=True):

@@ -12,7 +12,7 @@ H = 2.0 ** -np.arange(0, 8)
 VALUES = np.array([0.1, 0.3, 1.0, 3.0, 10.0, 30.0])
 
 
-def stability_group(scheme, case="free", casimirs=1, panels=("regimes",), values=VALUES, **more):
+def stability_group(scheme, case="free", casimirs=1, panels=("regimes",), values=VALUES, word="sigma", **more):
     """One scheme; the midpoint rule has a solver, whose equations have solutions."""
     one, none = np.ones((len(values), len(H))), np.zeros((len(values), len(H)), int)
     solver = Solver(solves=none + 10_000, iterations=none + 30_000, failures=none, largest_residual=1e-15 * one)
@@ -28,7 +28,7 @@ def stability_group(scheme, case="free", casimirs=1, panels=("regimes",), values
         "largest_angle": 0.0 * one,
         "solver": solver if scheme == "midpoint" else None,
         "law": None,
-        "word": "sigma",
+        "word": word,
         "functions": (),
         "accurate": 0.1,
         "samples": 512,

@@ -32,6 +32,19 @@ def colour_at(ax, x, y):
     return found[0]
 
 
+@pytest.mark.parametrize("overrides", [(), ("model.sigma=[0, 0]",)])
+def test_parameters_that_follow_from_a_swept_word_have_their_formulas(overrides):
+    """But for those that are not what was run, and without what formulas of the state say of it."""
+    results = stability(stability_group("splitting", word="noise_factor"))
+    model = "{variables: [u, v], hamiltonian: u*noise_factor, sigma: [noise_factor, 2*noise_factor/3], tau: 3}"
+    results.attributes["spec"] = f"model: {model}\nsweep: {{noise_factor: [1, 2]}}"
+    results.attributes["overrides"] = overrides
+    factor = r"\mathrm{noise\ factor}"
+    text = views.figure(results).texts[1].get_text()
+    assert (rf"$\sigma=({factor},\,2\,{factor}/3)$" in text) == (not overrides)
+    assert "hamiltonian" not in text and "tau" not in text
+
+
 def test_maps_of_regimes():
     groups = [stability_group(scheme) for scheme in SCHEMES] + [predators("splitting")]
     for i, (name, value) in enumerate({"finite": 0.5, "casimir_worst": 0.5, "largest_norm": 3.0}.items()):

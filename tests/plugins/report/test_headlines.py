@@ -62,6 +62,17 @@ def test_what_is_exact_or_lost_has_no_interval(headline):
     )
 
 
+def test_drifts_of_a_path_that_diverged_are_those_until_then(headline):
+    t, kept = np.linspace(0.0, 1.0, 5), np.array([[1.0], [1.5], [NAN], [9.0], [NAN]])
+    y = np.where(np.arange(5)[:, None] >= 3, NAN, np.linspace([-0.5, 1.0], [0.5, 2.0], 5))
+    lost = trajectory_group("midpoint", t, y, kept, scheme_label="midpoint")
+    whole = trajectory_group("splitting", t, np.ones((5, 2)), np.ones((5, 1)), scheme_label="splitting")
+    assert headline(trajectories(whole, lost)) == (
+        "Casimir drift: 0 with splitting; 0.5 until it diverged at t = 0.75 with midpoint. "
+        "Hamiltonian drift: 0 with splitting; 0.25 until it diverged at t = 0.75 with midpoint."
+    )
+
+
 def test_each_kind_defines_what_it_measures():
     for name, kind in KINDS.items():
         shown = typeset(kind.results.Record.measures)

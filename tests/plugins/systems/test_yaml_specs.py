@@ -47,10 +47,10 @@ LOG, ROOT = "log(1 - y3) + y1^2", "sqrt(y3 + y1 - 5) + b*y2^2"
     [
         (LOG, "y1", "0.6, 0, 0.8]", None),
         (LOG, "y1", "0.001, 0, 0.99999]", None),
-        (LOG, "y1", "0, 0, 1]", FINITE),
+        (LOG, "y1", "0, 0, 1]", f"initial: is .*, where H is not finite; {FINITE}"),
         (ROOT, "y3", "5, 0, 5]", None),
         (ROOT, "y3", "2, 0, 2]", FINITE),
-        (LOG, "sqrt(y2 - 9)", "0.6, 0, 0.8]", f"noise_gradient, k = 1, is not finite at y = .*; {FINITE}"),
+        (LOG, "sqrt(y2 - 9)", "0.6, 0, 0.8]", f"initial: is .*, where the gradient of noise 2 is not finite; {FINITE}"),
         ("abs(y1) + y2^2", "y1", "0, 0, 5]", None),
     ],
 )

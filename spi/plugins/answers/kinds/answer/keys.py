@@ -173,6 +173,9 @@ _SYSTEM = ("model", "damping", "temperature", "initial", "seed", "noise", "pytho
 #: The functions for an experiment without test functions, and the default accuracy.
 _FUNCTIONS, _ACCURACY = {"mean": "y1", "square": "y1^2"}, 1e-3
 
+#: What a file that says a system only lacks.
+DEFAULTS: dict[str, Any] = {"kind": "answer", "functions": _FUNCTIONS, "accuracy": _ACCURACY}
+
 
 def question(experiment: Experiment, functions: bool = True) -> str:
     """Spec, as YAML, of an answer about the models and the initial values of an experiment of another kind.
