@@ -53,6 +53,11 @@ def test_chiral_waves_have_a_direction(spec):
     np.testing.assert_allclose(s.q, np.arange(-4, 5) / 8)
     np.testing.assert_allclose(s.waves[:, 0], expected[:, 0], atol=1e-7)
     assert abs(s.peak - s.waves[:, 0]).max() < 0.15 < abs(s.peak - s.waves[::-1, 0]).max()  # 1.2 apart at -q
+    assert results.peaks.value.tolist() == s.peak.tolist()
+    s.factor[3, 0] = 2 * s.factor[3].max()  # the largest at omega = 0
+    assert np.isnan(results.peaks.value).tolist() == [n == 3 for n in range(9)]
+    told = ["no peak above 0" in row for row in results.tables[0].grid("", [results]).rows]
+    assert told == [n == 3 for n in range(9)]
 
 
 @pytest.mark.parametrize("field", [0.0, 0.2])
