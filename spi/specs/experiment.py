@@ -15,7 +15,7 @@ import difflib
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial, reduce
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, NoReturn, get_type_hints
@@ -368,7 +368,7 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
 _WHOLE = ("functions", "compositions", "expect", "sweep", "cases")
 
 
-def _with_others(below: dict[str, Any], above: dict[str, Any], path: Location) -> dict[str, Any]:
+def _with_others(below: dict[str, Any], above: dict[str, Any], path: Sequence[Any]) -> dict[str, Any]:
     """Mapping `above` of the one entry at `path`, and with what `below` has in the mappings on the way to it.
 
     A mapping of another kind, law or source has nothing of the former.
@@ -382,7 +382,7 @@ def _with_others(below: dict[str, Any], above: dict[str, Any], path: Location) -
     if another or (key == "initial" and word in INITIAL and word not in old):
         return above
     others = {} if key == "model" else old  # those of a model are laid over one another, unless it is another
-    return {key: {**others, **_with_others(old, new, tuple(inner))}}
+    return {key: {**others, **_with_others(old, new, inner)}}
 
 
 def _over(below: dict[str, Any], layer: Layer) -> dict[str, Any]:
@@ -415,7 +415,9 @@ def _cases(
     built: list[BaseCase] = []
     for name, (_, title) in owners.items():
         layers = _layers_of(name, file, owners, above)
-        merged = reduce(_over, layers, {})
+        merged: dict[str, Any] = {}
+        for layer in layers:
+            merged = _over(merged, layer)
         try:
             check_overrides(layers, merged, files)
         except PydanticCustomError as error:
@@ -482,11 +484,18 @@ def _swept(
     layers: Sequence[Layer],
 ) -> list[BaseCase]:
     """Cases that a swept parameter makes of one."""
-    document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
+    last = max(n for n, (document, loc) in enumerate(layers) if "sweep" in document.at(loc))
+    document, top = layers[last]
     try:
         keys = [key for key in case_class.swept_in if key in case_class.model_fields]
         versions = sweep.versions(data, keys, files, most=case_class.most_swept)
     except PydanticCustomError as error:
+        # a parameter may not be used because a higher layer put something wrong in its place
+        _, mistakes = attempt(read, {**data, "sweep": None})
+        higher = layers[last + 1 :]
+        there = {loc for loc in mistakes for over, at in higher if over.depth(at + loc) == len(at + loc)}
+        if there:
+            _report({loc: told for loc, told in mistakes.items() if loc in there}, layers)
         document.fail((*top, "sweep"), error.message())
     attempts = {at: attempt(read, version) for at, version in versions.items()}
     wrong = {at: mistakes for at, (_, mistakes) in attempts.items() if mistakes}

@@ -92,7 +92,7 @@ def test_a_file_of_another_sort_is_told_of_both(error, tmp_path):
 
 
 def test_a_dotted_override_leaves_the_other_keys_of_a_mapping(spec):
-    """As if the whole were given; another law or source has nothing of the former, nor has a mapping that is given whole."""
+    """As if the whole were given; another law has nothing of the former, nor has a mapping that is given whole."""
     text = with_law("law: gaussian, mean: [0, 1, 0], sd: 0.1, project: true")
     whole = spec(*text, overrides=["initial={law: gaussian, mean: [0, 1, 0], sd: 0.2, project: true}"]).hash
     assert spec(*text, overrides=["initial.sd=0.2"]).hash == whole != spec(*text).hash

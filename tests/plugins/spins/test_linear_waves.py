@@ -115,7 +115,12 @@ def test_cells_of_several_sites_and_moments(spec):
         (MODEL, "about: [[0, 0, 1], [0, 0, -1]]", "has no minimum"),
         (MODEL[:-1] + ", field: [0, 0, -1]}", "about: [0, 0, 1]", "has no minimum"),
         (MODEL[:-1] + ", field: [1, 0, 0]}", "about: [0, 0, 1]", "no state at rest: the largest torque on a spin is 1"),
-        (MODEL, "about: [[0, 0, 1], [0, 0, 1], [0, 0, 1]]", "has 3 directions; must be one, or 1 for the sites"),
+        (MODEL, "about: [[0, 0, 1], [0, 0, 1], [0, 0, 1]]", "has 3 directions; must be one, or 2 for the sub"),
+        (
+            MODEL.replace("[8]", "[7]"),
+            "through: [[1/2]], about: [[0, 0, 1], [0, 0, -1]]",
+            "has 2 directions, and 2 sublattices do not fit a lattice of 7; take even lengths",
+        ),
         (MODEL, "about: [0, 0, 0]", "direction of length 0"),
         (MODEL, "about: initial", "each path begins at a state of its own"),
         (MODEL, "labels: [G, X]", "add through"),

@@ -154,7 +154,9 @@ class Statistics(Stored):
             "q",
             [
                 Column(lambda one, _: one.wave_vectors, "wave\nvector"),
-                Column(lambda one, _: one.peaks, "peak of the structure\nfactor, omega (95 %)", missing="no peak above 0"),
+                Column(
+                    lambda one, _: one.peaks, "peak of the structure\nfactor, omega (95 %)", missing="no peak above 0"
+                ),
                 Column(lambda one, _: one.frequencies("waves"), "linear\nwaves"),
                 Column(lambda one, _: one.frequencies("waves_of_step"), "at this\nstep size"),
             ],
