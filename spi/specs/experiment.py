@@ -5,10 +5,9 @@ Later layers override earlier ones, key by key (and a model parameter by paramet
     the file < a case of ``cases:`` < the profile < ``cases:`` of the profile < ``--set``
 
 so that a profile or ``--set`` has the last word in every case.  ``expect`` is overridden claim by claim, see
-:mod:`spi.specs.expect`; other mappings are replaced whole, since another ``initial`` or other ``functions`` have nothing
-of the former.  Only ``--set a.b=...`` names one entry: it leaves what else the mapping ``a`` has, but for mappings that
-together say what comes out, ``functions`` and ``compositions``.  All profiles of a file are checked, whichever is asked
-for.
+:mod:`spi.specs.expect`; other mappings are replaced whole, since another ``initial`` has nothing of the former.  Only
+``--set a.b=...`` names one entry and leaves what else the mapping ``a`` has, but for ``functions`` and
+``compositions``, which together say what comes out.  All profiles of a file are checked, whichever is asked for.
 """
 
 import difflib
