@@ -128,8 +128,10 @@ Units: *time* is the unit of t in the equation, *state* that of the components o
 and *seconds* are those of a clock. Where no unit is given the number has none.
 
 Later layers override earlier ones key by key, and a model parameter by parameter: the file, then a case of `cases`,
-then the profile, then `cases` of the profile, then `--set`. A case is a mapping with a `name` of its own, perhaps a
-`title`, and any keys of the kind. The file itself is the profile `laptop`.
+then the profile, then `cases` of the profile, then `--set`. Other mappings are replaced whole, but `--set a.b=...`
+changes one entry and leaves the others of `a`, as `--set initial.sweeps=8000` does, except in `functions` and
+`compositions`. A case is a mapping with a `name` of its own, perhaps a `title`, and any keys of the kind. The file
+itself is the profile `laptop`.
 
 ## Keys of every kind
 

@@ -110,7 +110,7 @@ class Column(NamedTuple):
     """A column of a table, or one for each place along a further axis."""
 
     #: A field or derived property of the record, by its name in files; or a function of the record and all records of
-    #: the case that gives texts or numbers over the first axes of the table, None for none.
+    #: the case that gives texts, numbers or an :class:`Estimate` over the first axes of the table, None for none.
     field: str | Callable[[Any, Sequence[Any]], Any]
     heading: str  #: with {} for the place along the further axis
     over: str = ""  #: the further axis
@@ -127,6 +127,8 @@ class Column(NamedTuple):
         """Numbers by heading; along axes that the table lacks the last time or the largest number."""
         if callable(self.field):
             values = self.field(record, readings)
+            if isinstance(values, Estimate):
+                return {self.heading: values}
             array = np.asarray(values, object)
             numbers = None if values is None else Estimate(tuple(axes[: array.ndim]), array, array, array)
         else:

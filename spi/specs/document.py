@@ -45,7 +45,7 @@ class Document:
     """
 
     def __init__(self, text: str, place: Callable[[int], str], top: Location = ()) -> None:
-        self.place, self.left = place, _MOST_ENTRIES
+        self.place, self.top, self.left = place, top, _MOST_ENTRIES
         self.places = {top[:n]: place(1) for n in range(len(top) + 1)}
         self.data = self._compose(text, top)
         for key in reversed(top):

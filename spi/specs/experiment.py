@@ -5,15 +5,16 @@ Later layers override earlier ones, key by key (and a model parameter by paramet
     the file < a case of ``cases:`` < the profile < ``cases:`` of the profile < ``--set``
 
 so that a profile or ``--set`` has the last word in every case.  ``expect`` is overridden claim by claim, see
-:mod:`spi.specs.expect`; other mappings, ``functions`` and ``compositions``, are replaced whole.  All profiles of a file
-are checked, whichever is asked for.
+:mod:`spi.specs.expect`; other mappings are replaced whole, since another ``initial`` has nothing of the former.  Only
+``--set a.b=...`` names one entry and leaves what else the mapping ``a`` has, but for ``functions`` and
+``compositions``, which together say what comes out.  All profiles of a file are checked, whichever is asked for.
 """
 
 import difflib
 import hashlib
 import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from functools import partial, reduce
+from functools import partial
 from itertools import chain
 from pathlib import Path
 from typing import Annotated, Any, Literal, NamedTuple, NoReturn, get_type_hints
@@ -29,6 +30,7 @@ from .cases import BaseCase
 from .document import Document, Location, SpecError, about, override, text_of
 from .figures import FIGURE_KEYS, read_figure
 from .files import Files
+from .initial import INITIAL
 from .keys import ABSENT, CaseName, Keys, attempt, check_here, key_of, one_of, shown, suggestion, wrong
 from .models import ModelPart, check_overrides, is_another, overridden, source_of
 from .naming import results_name
@@ -361,6 +363,36 @@ def _document(path: str | Path, text: str, kinds: Layers, place: str) -> Documen
 # ---------------------------------------------------------------------------------------------------------------------
 
 
+#: The keys whose mappings a dotted ``--set`` replaces as well, and those that have rules of their own.
+_WHOLE = ("functions", "compositions", "expect", "sweep", "cases")
+
+
+def _with_others(below: dict[str, Any], above: dict[str, Any], path: Sequence[Any]) -> dict[str, Any]:
+    """Mapping `above` of the one entry at `path`, and with what `below` has in the mappings on the way to it.
+
+    A mapping of another kind, law or source has nothing of the former.
+    """
+    key, *inner = path
+    old = below.get(key)
+    if not inner or not isinstance(old, dict):
+        return above
+    word, new = inner[0], above[key]
+    another = word in ("kind", "law") and old.get(word) != new[word]
+    if another or (key == "initial" and word in INITIAL and word not in old):
+        return above
+    others = {} if key == "model" else old  # those of a model are laid over one another, unless it is another
+    return {key: {**others, **_with_others(old, new, inner)}}
+
+
+def _over(below: dict[str, Any], layer: Layer) -> dict[str, Any]:
+    """Keys of a case with a layer over them."""
+    document, loc = layer
+    above, path = document.at(loc), document.top[len(loc) :]
+    if path and document.top[: len(loc)] == loc and path[0] not in _WHOLE:
+        above = _with_others(below, above, path)
+    return laid_over(below, above)
+
+
 def _owners(document: Document, title: str) -> dict[str, Owner]:
     """name of a case -> (its location, its title); the file itself is case "main" if there is no other."""
     owners: dict[str, Owner] = {}
@@ -382,7 +414,9 @@ def _cases(
     built: list[BaseCase] = []
     for name, (_, title) in owners.items():
         layers = _layers_of(name, file, owners, above)
-        merged = reduce(laid_over, [document.at(loc) for document, loc in layers])
+        merged: dict[str, Any] = {}
+        for layer in layers:
+            merged = _over(merged, layer)
         try:
             check_overrides(layers, merged, files)
         except PydanticCustomError as error:
@@ -449,11 +483,18 @@ def _swept(
     layers: Sequence[Layer],
 ) -> list[BaseCase]:
     """Cases that a swept parameter makes of one."""
-    document, top = next(layer for layer in reversed(layers) if "sweep" in layer[0].at(layer[1]))
+    last = max(n for n, (document, loc) in enumerate(layers) if "sweep" in document.at(loc))
+    document, top = layers[last]
     try:
         keys = [key for key in case_class.swept_in if key in case_class.model_fields]
         versions = sweep.versions(data, keys, files, most=case_class.most_swept)
     except PydanticCustomError as error:
+        # a parameter may not be used because a higher layer put something wrong in its place
+        _, mistakes = attempt(read, {**data, "sweep": None})
+        higher = layers[last + 1 :]
+        there = {loc for loc in mistakes for over, at in higher if over.depth(at + loc) == len(at + loc)}
+        if there:
+            _report({loc: told for loc, told in mistakes.items() if loc in there}, layers)
         document.fail((*top, "sweep"), error.message())
     attempts = {at: attempt(read, version) for at, version in versions.items()}
     wrong = {at: mistakes for at, (_, mistakes) in attempts.items() if mistakes}

@@ -347,12 +347,26 @@ def _others(error: Any, errors: Sequence[Any]) -> list[Any]:
     return [each for each in errors if each is not error and each["loc"][: len(union)] == union]
 
 
+def _of_nearest(errors: Sequence[Any]) -> list[Any]:
+    """Errors, and of several lists that may stand in one place only those of the list with the fewest, or the first."""
+    counts: dict[Location, dict[str, int]] = {}
+    where = []
+    for error in errors:
+        at = next((n for n, step in enumerate(error["loc"]) if str(step).startswith("tuple[")), None)
+        where.append(None if at is None else (error["loc"][:at], error["loc"][at]))
+        if where[-1]:
+            of_place = counts.setdefault(where[-1][0], {})
+            of_place[where[-1][1]] = of_place.get(where[-1][1], 0) + 1
+    nearest = {place: min(of_place, key=of_place.__getitem__) for place, of_place in counts.items()}
+    return [e for e, at in zip(errors, where, strict=True) if at is None or nearest[at[0]] == at[1]]
+
+
 def attempt(read: Callable[[Any], Any], data: Any) -> tuple[Any, dict[Location, str]]:
     """(the record that pydantic reads from `data`, no mistakes) or (None, place -> mistake)."""
     try:
         return read(data), {}
     except ValidationError as invalid:
-        errors = invalid.errors(include_url=False)
+        errors = _of_nearest(invalid.errors(include_url=False))
     mistakes: dict[Location, str] = {}
     for error in errors:
         loc, message = explained(error, errors, data)

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from spi.ensemble.random_states import RandomState
+from spi.specs import SpecError
 
 SPEC = """\
 kind: weak
@@ -88,3 +89,13 @@ def test_a_file_of_another_sort_is_told_of_both(error, tmp_path):
     np.save(tmp_path / "y.npy", np.ones((2, 3)))
     told = error(*with_law("law: points, file: y.npy"))
     assert "no CSV of numbers (" in told and "and perhaps weight; or be an .npz of" in told
+
+
+def test_a_dotted_override_leaves_the_other_keys_of_a_mapping(spec):
+    """As if the whole were given; another law has nothing of the former, nor has a mapping that is given whole."""
+    text = with_law("law: gaussian, mean: [0, 1, 0], sd: 0.1, project: true")
+    whole = spec(*text, overrides=["initial={law: gaussian, mean: [0, 1, 0], sd: 0.2, project: true}"]).hash
+    assert spec(*text, overrides=["initial.sd=0.2"]).hash == whole != spec(*text).hash
+    for another, told in (("initial.law=points", "missing key 'file'"), ("initial={sd: 0.2}", "is not a known key")):
+        with pytest.raises(SpecError, match=told):
+            spec(*text, overrides=[another])

@@ -43,7 +43,8 @@ def film(title: str, cases: Sequence[FilmReadings]) -> Film:
     """Film of the paths of all cases whose states are seen in the plane; ValueError if none is."""
     rows = [readings for readings in cases if _filmed(readings[0])]
     if not rows:
-        raise ValueError("the results hold no states that are seen in two dimensions")
+        kinds = " or ".join(f"a {on}" for on in sorted(FILMED))
+        raise ValueError(f"a film shows states in two dimensions, on {kinds}, and the results have none")
     columns = max(map(len, rows))
     layout = page.current().layout
     side = layout.film_large if len(rows) * columns <= layout.film_few else layout.film_small

@@ -43,14 +43,17 @@ def export(
         others = {offers("in_python").get(one.place.get("on")) for one in found} - {None}
         right = next(iter(others), "give results of kind trajectory of the model spins")
         end_with(INVALID, f"{path}: has no states of spins; {right}")
-    folder, files = out or path.parent, dict[Path, bytes]()
+    first, last = min(one.t[0] for one in readings), max(one.t[-1] for one in readings)
+    if beyond := [t for t in time or () if not first <= t <= last]:
+        end_with(INVALID, f"--time: is {beyond[0]:g}; states are stored from t = {first:g} to {last:g}")
+    folder, files, times = out or path.parent, dict[Path, bytes](), dict[Path, float]()
     for one in readings:
         for number in range(len(one.t)) if every else _numbers(one, time):
             name = f"{path.stem}.{one.about.case}.{one.about.variant}.{number}.{format}"
-            files[folder / name] = _bytes(one, number, format)
+            files[folder / name], times[folder / name] = _bytes(one, number, format), one.t[number]
     storage.write_all(files)
     for file in files:
-        tell(f"wrote {file}")
+        tell(f"wrote {file}, t = {times[file]:.9g}")
 
 
 def _numbers(one: "Trajectory", times: list[float] | None) -> list[int]:

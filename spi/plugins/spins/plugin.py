@@ -11,6 +11,7 @@ PLUGIN = Plugin(
         ".ovf": "spi.plugins.spins.storage.ovf:array_of",
         ".omf": "spi.plugins.spins.storage.ovf:array_of",
     },
+    warnings={"negative": "spi.plugins.spins.running.negative:warning"},
     commands={"export": "spi.plugins.spins.command:COMMAND"},
     further={"dynamics.waves": "spi.plugins.spins.kinds.statistics.waves:WAVES"},
     films={"lattice": "spi.plugins.spins.kinds.trajectory.figure:FILM"},

@@ -53,6 +53,11 @@ def test_chiral_waves_have_a_direction(spec):
     np.testing.assert_allclose(s.q, np.arange(-4, 5) / 8)
     np.testing.assert_allclose(s.waves[:, 0], expected[:, 0], atol=1e-7)
     assert abs(s.peak - s.waves[:, 0]).max() < 0.15 < abs(s.peak - s.waves[::-1, 0]).max()  # 1.2 apart at -q
+    assert results.peaks.value.tolist() == s.peak.tolist()
+    s.factor[3, 0] = 2 * s.factor[3].max()  # the largest at omega = 0
+    assert np.isnan(results.peaks.value).tolist() == [n == 3 for n in range(9)]
+    told = ["no peak above 0" in row for row in results.tables[0].grid("", [results]).rows]
+    assert told == [n == 3 for n in range(9)]
 
 
 @pytest.mark.parametrize("field", [0.0, 0.2])
@@ -110,7 +115,12 @@ def test_cells_of_several_sites_and_moments(spec):
         (MODEL, "about: [[0, 0, 1], [0, 0, -1]]", "has no minimum"),
         (MODEL[:-1] + ", field: [0, 0, -1]}", "about: [0, 0, 1]", "has no minimum"),
         (MODEL[:-1] + ", field: [1, 0, 0]}", "about: [0, 0, 1]", "no state at rest: the largest torque on a spin is 1"),
-        (MODEL, "about: [[0, 0, 1], [0, 0, 1], [0, 0, 1]]", "has 3 directions; must be one, or 1 for the sites"),
+        (MODEL, "about: [[0, 0, 1], [0, 0, 1], [0, 0, 1]]", "has 3 directions; must be one, or 2 for the sub"),
+        (
+            MODEL.replace("[8]", "[7]"),
+            "through: [[1/2]], about: [[0, 0, 1], [0, 0, -1]]",
+            "has 2 directions, and 2 sublattices do not fit a lattice of 7; take even lengths",
+        ),
         (MODEL, "about: [0, 0, 0]", "direction of length 0"),
         (MODEL, "about: initial", "each path begins at a state of its own"),
         (MODEL, "labels: [G, X]", "add through"),

@@ -111,7 +111,7 @@ def test_arrays_of_numpy_and_csv(spec, tmp_path):
 
 def test_mistakes(error, tmp_path):
     np.save(tmp_path / "s.npy", spins(4, 3, 2))
-    assert "3: initial.file: has 4 x 3 x 2 x 3 numbers; must have 24 x 3 or 2 x 3 x 4 x 1 x 3 or" in error(SPEC)
+    assert "3: initial.file: has 4 x 3 x 2 x 3 numbers; must have 24 x 3 or 2 x 3 x 4 x 3" in error(SPEC)
     s = spins(*SIZE)
     s[0, 1, 1] = 0
     np.save(tmp_path / "s.npy", s)
@@ -190,6 +190,11 @@ def test_times_of_states(spec, tmp_path):
     exported(path, "--format", "npy", "--time", "0.07", "--time", "0", "--out", tmp_path / "two")
     assert [file.name for file in sorted((tmp_path / "two").iterdir())] == [f"s.main.splitting.{n}.npy" for n in (0, 1)]
     assert np.array_equal(np.load(tmp_path / "two/s.main.splitting.1.npy").ravel(), y[1])
+    told = exported(path, "--format", "npy", "--time", "0.07").stderr.replace("\n", "")
+    assert "s.main.splitting.1.npy, t = 0.0625" in told
+    late = CliRunner().invoke(app, ["export", str(path), "--time", "9999"])
+    assert late.exit_code == 2
+    assert f"--time: is 9999; states are stored from t = 0 to {0.0625 * (len(y) - 1):g}" in late.stderr
     exported(path, "--all", "--out", tmp_path / "all")
     assert len(list((tmp_path / "all").iterdir())) == len(y)
     assert ovf.array_of((tmp_path / "all/s.main.splitting.0.ovf").read_bytes()).shape == (*SIZE, 3)

@@ -72,7 +72,8 @@ def of_array(model: Any, values: np.ndarray, subtract_mean: bool) -> Any:
     elif values.shape in (fitting := shapes(model)):
         directions = values.reshape(-1, 3)
     else:
-        right = f"must have {' or '.join(' x '.join(map(str, shape)) for shape in fitting)}"
+        two = sorted(dict.fromkeys(fitting), key=len)[:2]  # the others have lengths of 1 besides
+        right = f"must have {' or '.join(' x '.join(map(str, shape)) for shape in two)}"
         raise wrong(f"has {' x '.join(map(str, values.shape))} numbers", right, "file")
     lengths = np.linalg.norm(directions, axis=1, keepdims=True)
     if not lengths.all():

@@ -170,14 +170,14 @@ class Correlated(Keys):
         place = geometry(case.model)
         if place.get("on") != "lattice" or not place["periodic"]:
             raise wrong("is for periodic lattices", "leave it out", "time_correlations", "spins")
-        numbers = 2 * GROUPS * len(modes_of(self, place)) * (round(self.until / between) + 1)
-        if numbers > _MOST_OF_WAVES:
-            right = f"must be at most {quantity(self.until * _MOST_OF_WAVES / numbers)}, or take fewer wave vectors"
-            raise wrong(f"is {quantity(self.until)}, for {numbers:.2g} sums", right, "time_correlations", "until")
         if self.about is not None:
             if advice := lacking("further", WAVES):
                 raise wrong("is for linear waves", advice, "time_correlations", "about")
             FURTHER[WAVES].check(case)
+        numbers = 2 * GROUPS * len(modes_of(self, place)) * (round(self.until / between) + 1)
+        if numbers > _MOST_OF_WAVES:
+            right = f"must be at most {quantity(self.until * _MOST_OF_WAVES / numbers)}, or take fewer wave vectors"
+            raise wrong(f"is {quantity(self.until)}, for {numbers:.2g} sums", right, "time_correlations", "until")
 
 
 class Case(CodeKeys, StepCase):

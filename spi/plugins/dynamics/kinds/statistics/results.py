@@ -11,7 +11,7 @@ from spi.printing.text import HEAVY, decimal, interval_text, joined, short
 from spi.statistics.claims import lost_among
 from spi.statistics.estimators import few_carry
 from spi.storage.records import in_standard_errors
-from spi.storage.stored import DIVERGED, Array, Claimed, Described, Stored, array, axis, derived, fact, nested
+from spi.storage.stored import DIVERGED, Array, Claimed, Described, Estimate, Stored, array, axis, derived, fact, nested
 
 #: What a figure can show: of each function its mean, ..., and behind them matrices of correlations, and maps.
 OF_LATTICES = ("structure", "spreading")
@@ -154,7 +154,9 @@ class Statistics(Stored):
             "q",
             [
                 Column(lambda one, _: one.wave_vectors, "wave\nvector"),
-                Column("structure_peak", "peak of the structure\nfactor, omega (95 %)"),
+                Column(
+                    lambda one, _: one.peaks, "peak of the structure\nfactor, omega (95 %)", missing="no peak above 0"
+                ),
                 Column(lambda one, _: one.frequencies("waves"), "linear\nwaves"),
                 Column(lambda one, _: one.frequencies("waves_of_step"), "at this\nstep size"),
             ],
@@ -283,6 +285,15 @@ class Statistics(Stored):
         if self.time is None or self.time.structure is None or self.time.structure.wave_vector.shape[1] < 2:
             return None
         return [", ".join(f"{component:.4g}" for component in q) for q in self.time.structure.wave_vector]
+
+    @property
+    def peaks(self) -> Estimate | None:
+        """(wave vectors,) where structure factors are largest; NaN where that is omega = 0, or is not told from it."""
+        peaks = self.estimate("structure_peak")
+        if peaks is None or self.time is None or self.time.structure is None:
+            return None
+        central = (self.time.structure.factor.argmax(axis=-1) == 0) | (peaks.low <= 0.0)
+        return peaks.map(lambda values: np.where(central, np.nan, values))
 
     def frequencies(self, name: str) -> list[str] | None:
         """(wave vectors,) frequencies of linear waves, a field of :class:`Structure`, as text; None without any."""

@@ -59,7 +59,11 @@ def state_about(case: Any) -> Array:
     per_cell, colours = len(model.cell.sites), int(lattice.site_colours.max()) + 1
     places = {1: np.zeros(lattice.sites, int), colours: lattice.site_colours, per_cell: lattice.of_cell}
     if len(directions) not in places:
-        right = f"must be one, or {per_cell} for the sites of a cell, or {colours} for the sublattices"
+        if len(directions) == 2 and per_cell == 1:  # two sublattices, and a way around the lattice has odd length
+            fault = f"has 2 directions, and 2 sublattices do not fit a lattice of {' x '.join(map(str, model.size))}"
+            raise wrong(fault, "take even lengths if the bonds allow it, or one direction", *_KEYS)
+        of_cell = f", or {per_cell} for the sites of a cell" if per_cell > 1 else ""
+        right = f"must be one{of_cell}, or {colours} for the sublattices"
         raise wrong(f"has {len(directions)} directions", right, *_KEYS)
     if not directions.any(axis=1).all():
         raise wrong("has a direction of length 0", "give a direction as [0, 0, 1]", *_KEYS)
