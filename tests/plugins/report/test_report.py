@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -335,7 +336,8 @@ def test_one_of_many_files_ends_no_command_about_them(stored, tmp_path, monkeypa
     text = Path("report.html").read_text()
     assert "Results of 2 experiments" in text and str(escape(line)) in text
     monkeypatch.setattr("spi.views.save", lambda figure, folder, stem: [Path(f"{stem}.pdf")])
-    monkeypatch.setattr("spi.views.figure", lambda results, *look, **more: readings(results))
+    drawn = SimpleNamespace(texts=["a title", "parameters"])
+    monkeypatch.setattr("spi.views.figure", lambda results, *look, **more: readings(results) and drawn)
     assert app(["plot", "--results", "."], standalone_mode=False) == 2
     assert capfd.readouterr() == ("", f"wrote first.pdf\nspi: {line}\nwrote third.pdf\n")
     for samples in (("x",), 5, (None,), ((1, 2),)):
