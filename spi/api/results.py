@@ -16,7 +16,6 @@ from ..drawing import style
 from ..running import finding
 from ..specs.figures import FIGURE_KEYS
 from ..statistics import claims
-from ..statistics.claims import orders_of
 from ..storage import records
 from ..storage.stored import AT_MOST, Description, Stored, by_case
 from .specs import as_overrides, check_type, in_python
@@ -265,17 +264,8 @@ class Results:
     @property
     def orders(self) -> pd.DataFrame:
         """Fitted orders of convergence, their 95 % intervals and those of theory; empty where none is fitted."""
-        rows = [
-            {
-                **{"case": order.about.case, "scheme": order.about.variant, "estimator": order.about.estimator},
-                **{"function": order.function, "quantity": order.name},
-                **{"order": order.value, "low": order.low, "high": order.high, "expected": order.expected},
-            }
-            for case in by_case(views.readings(self.stored))
-            for order in orders_of(case)
-        ]
-        frame = pd.DataFrame(rows)
-        return frame.drop(columns=[name for name in ("estimator", "function") if rows and not any(frame[name])])
+        rows = views.order_rows(views.readings(self.stored))
+        return pd.DataFrame(rows).rename(columns={"order_low": "low", "order_high": "high"})
 
     @property
     def claims(self) -> pd.DataFrame:

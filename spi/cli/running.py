@@ -186,20 +186,29 @@ def show_each(
 ) -> None:
     """Compute each experiment, print the tables of its results, if it has any yet, and judge its claims."""
     from .. import storage, views
+    from ..running.checkpoint import Stopped
     from .progress import ProgressLine
 
     wrong = False
     for number, experiment in enumerate(experiments, start=1):
-        with ProgressLine(experiment.name) as line:
-            path = compute(experiment, line.watch)
-        if path is None:
-            continue
-        results = storage.read(path)
-        with for_whoever_reads():
-            views.print_tables(results)
-        wrong |= any_wrong(experiment.name, results, confirmed)
-        if number == len(experiments):
-            STOP.ignore()  # all is done
+        path = None
+        try:
+            with ProgressLine(experiment.name) as line:
+                path = compute(experiment, line.watch)
+            if path is None:
+                continue
+            results = storage.read(path)
+            with for_whoever_reads():
+                views.print_tables(results)
+            wrong |= any_wrong(experiment.name, results, confirmed)
+            if number == len(experiments):
+                STOP.ignore()  # all is done
+        except KeyboardInterrupt:
+            if path is None:
+                raise
+            raise Stopped(
+                f"stopped; the results are in {path}: run the same command again to go on from there"
+            ) from None
         tell(f"results: {path}; `spi plot {shlex.quote(path.as_posix())}` draws them")
     if wrong:
         raise typer.Exit(CLAIM_FAILED)

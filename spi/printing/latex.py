@@ -38,7 +38,7 @@ class Titled(NamedTuple):
 _MOST_LATEX_ROWS = 40
 
 _LATEX_HEAD = r"""% {name}: {title}
-% needs \usepackage{{booktabs}} and \usepackage{{longtable}}
+% needs \usepackage{{booktabs}}{longtable}
 """
 
 _ESCAPED = {
@@ -74,11 +74,13 @@ _NUMBER = re.compile(
 def document(name: str, title: str, tables: Iterable[Titled]) -> str:
     """All tables of an experiment, each a float or, if it is long, a longtable."""
     parts = [_table(f"tab:{name}-{number}", title, table) for number, table in enumerate(tables, 1)]
-    return "\n".join([_LATEX_HEAD.format(name=" ".join(name.split()), title=" ".join(title.split())), *parts])
+    longtable = r" and \usepackage{longtable}" if any(r"\begin{longtable}" in part for part in parts) else ""
+    words = {"name": " ".join(name.split()), "title": " ".join(title.split()), "longtable": longtable}
+    return "\n".join([_LATEX_HEAD.format(**words), *parts])
 
 
 def _table(label: str, title: str, table: Titled) -> str:
-    style = table.frame.style.hide(axis="index").format(_cell).format_index(text, axis="columns")
+    style = table.frame.style.hide(axis="index").format(_cell).format_index(_heading, axis="columns")
     long = len(table.frame) > _MOST_LATEX_ROWS
     return style.to_latex(
         hrules=True,
@@ -87,6 +89,11 @@ def _table(label: str, title: str, table: Titled) -> str:
         column_format=table.justified,
         **({"environment": "longtable"} if long else {"position_float": "centering"}),
     )
+
+
+def _heading(plain: str) -> str:
+    """A heading as text; of one letter, such as that of the step size h, a symbol."""
+    return f"${plain}$" if len(plain) == 1 and plain.isascii() and plain.isalpha() else text(plain)
 
 
 def _cell(plain: str) -> str:

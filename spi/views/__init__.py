@@ -140,9 +140,27 @@ def data_tables(results: StoredResults) -> dict[str, DataTable]:
     found = tables_of(read)
     for main in [*found.values()][:1]:
         main.further = lambda row: tables.columns(row, owners[row["case"]], judged)
+    if rows := order_rows(read):
+        alike = {"quantity"} if {row["quantity"] for row in rows} == {"order"} else set()
+        found["orders"] = DataTable("orders", (), own=[{x: row[x] for x in row if x not in alike} for row in rows])
     if rows := sweeps.crossing_rows(crossings_of(results, read)):
         found["crossings"] = DataTable("crossings", (), own=rows)
     return found
+
+
+def order_rows(read: Sequence[Stored]) -> list[dict[str, Any]]:
+    """A row for each fitted order, with its 95 % interval and the one by theory; without what is empty in all."""
+    fitted = [one for case in by_case(read) for one in claims.orders_of(case)]
+    rows = [
+        {
+            **{"case": one.about.case, "scheme": one.about.variant, "estimator": one.about.estimator},
+            **{"function": one.function, "quantity": one.name},
+            **{"order": one.value, "order_low": one.low, "order_high": one.high, "expected": one.expected},
+        }
+        for one in fitted
+    ]
+    empty = {name for name in ("estimator", "function") if not any(row[name] for row in rows)}
+    return [{name: value for name, value in row.items() if name not in empty} for row in rows]
 
 
 def data_table(results: StoredResults, name: str = "") -> DataTable:

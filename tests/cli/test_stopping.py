@@ -2,6 +2,8 @@
 
 import os
 import signal
+from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 from damage import call
@@ -9,11 +11,24 @@ from damage import call
 from spi import cli, storage
 from spi.cli import INVALID, STOP
 from spi.cli.options import end
+from spi.cli.running import show_each
 from spi.running.run import Stopped
 
 
 class Panic(BaseException):
     """What a program in Rust may make of an exception, which is none of Python's usual ones."""
+
+
+def test_a_stop_before_the_table_says_where_the_results_are(monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(storage, "read", stopped)
+    said = "^stopped; the results are in r/one.h5: run the same command again to go on from there$"
+    with pytest.raises(Stopped, match=said):
+        show_each([SimpleNamespace(name="one")], lambda experiment, watch: Path("r/one.h5"))
+    with pytest.raises(KeyboardInterrupt):  # where nothing is computed yet
+        show_each([SimpleNamespace(name="one")], stopped)
 
 
 @pytest.mark.parametrize("error", [ValueError, SystemError, Panic, lambda: storage.StorageError("r.h5: damaged")])

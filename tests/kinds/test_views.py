@@ -47,7 +47,8 @@ def test_every_array_is_in_a_table_with_its_interval(kind, monkeypatch):
         monkeypatch.setattr(
             record, "exported", lambda one, name=name: {k: v for k, v in exported(one).items() if k != name}
         )
-        assert name in missing(results, views.data_tables(results))
+        without = {table: it for table, it in views.data_tables(results).items() if table != "orders"}  # it repeats
+        assert name in missing(results, without)
 
 
 def check_rows(rows):

@@ -47,7 +47,7 @@ def test_a_table_is_a_float_with_rules():
     assert text == "\n".join(
         [
             r"% my_run: 50 % \input{x}",
-            r"% needs \usepackage{booktabs} and \usepackage{longtable}",
+            r"% needs \usepackage{booktabs}",
             "",
             r"\begin{table}",
             r"\centering",
@@ -67,10 +67,16 @@ def test_a_table_is_a_float_with_rules():
     )
 
 
+def test_a_heading_of_one_letter_is_a_symbol():
+    grid = TextTable("", ("scheme", "h", "error at h"), [[[StyledText("a"), StyledText("2^-4"), StyledText("1")]]], 2)
+    assert r"scheme & $h$ & error at h \\" in latex.document("r", "t", [Titled.of(grid)])
+
+
 def test_a_long_table_may_break_and_all_braces_are_closed():
     text = latex.document("r", "t", [table(60), table(3)])
     assert text.count(r"\begin{longtable}{lr}") == text.count(r"\end{longtable}") == text.count(r"\endhead") == 1
     assert text.count(r"\begin{table}") == text.count(r"\end{table}") == 1
+    assert r"\usepackage{booktabs} and \usepackage{longtable}" in text
     plain = re.sub(r"\\[{}]", "", text)
     assert plain.count("{") == plain.count("}") and len(re.findall(r"(?<!\\)\$", text)) % 2 == 0
     for line in text.splitlines():

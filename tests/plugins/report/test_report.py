@@ -10,6 +10,7 @@ from concurrent.futures import ThreadPoolExecutor
 from contextlib import nullcontext
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -241,8 +242,10 @@ def test_tables_and_curves_are_files_of_their_own(stored, tmp_path, undrawn):
     plain = {"r.html", "tex/first.tex", "tex/second.tex", "csv/first.csv", "csv/second.csv"}
     assert names == plain | {
         "csv/first.casimir_drift.csv",
+        "csv/first.orders.csv",
         "tex/first.casimir_drift.tex",
         "tex/first.error.tex",
+        "tex/first.orders.tex",
         "tex/second.y.tex",
     }
     for path in stored:
@@ -329,11 +332,12 @@ def test_one_of_many_files_ends_no_command_about_them(stored, tmp_path, monkeypa
     monkeypatch.setattr("spi.views.readings", readings)
     assert app(["report", "--results", ".", "--data", "csv"], standalone_mode=False) == 2
     line = "second.h5: cannot be shown (ZeroDivisionError('of a kind that nobody foresaw'))"
-    assert capfd.readouterr() == ("", f"wrote report.html\nwrote 4 files into csv\nspi: {line}\n")
+    assert capfd.readouterr() == ("", f"wrote report.html\nwrote 6 files into csv\nspi: {line}\n")
     text = Path("report.html").read_text()
     assert "Results of 2 experiments" in text and str(escape(line)) in text
     monkeypatch.setattr("spi.views.save", lambda figure, folder, stem: [Path(f"{stem}.pdf")])
-    monkeypatch.setattr("spi.views.figure", lambda results, *look, **more: readings(results))
+    drawn = SimpleNamespace(texts=["a title", "parameters"])
+    monkeypatch.setattr("spi.views.figure", lambda results, *look, **more: readings(results) and drawn)
     assert app(["plot", "--results", "."], standalone_mode=False) == 2
     assert capfd.readouterr() == ("", f"wrote first.pdf\nspi: {line}\nwrote third.pdf\n")
     for samples in (("x",), 5, (None,), ((1, 2),)):
@@ -352,9 +356,9 @@ def root(path, samples):
 def test_the_command_reports_on_all_results(stored, tmp_path, undrawn, monkeypatch, capfd):
     monkeypatch.chdir(tmp_path)
     app(["report", "--results", ".", "--out", "page/r.html", "--data", "csv"], standalone_mode=False)
-    assert capfd.readouterr() == ("", "wrote page/r.html\nwrote 3 files into csv\n")
+    assert capfd.readouterr() == ("", "wrote page/r.html\nwrote 4 files into csv\n")
     assert "Results of 2 experiments" in (tmp_path / "page/r.html").read_text()
-    names = {"first.csv", "first.casimir_drift.csv", "second.csv"}
+    names = {"first.csv", "first.casimir_drift.csv", "first.orders.csv", "second.csv"}
     assert {path.name for path in (tmp_path / "csv").iterdir()} == names
     app(["report", "first", "--results", "."], standalone_mode=False)
     assert "Results of one experiment" in (tmp_path / "report.html").read_text()
@@ -362,8 +366,8 @@ def test_the_command_reports_on_all_results(stored, tmp_path, undrawn, monkeypat
         app(["report"], standalone_mode=False)
     app(["report", "first", "--latex", "--results", ".", "--data"], standalone_mode=False)
     assert {str(path) for folder in ("tables", "curves") for path in pathlib.Path(folder).iterdir()} == {
-        *("tables/first.tex", "tables/first.error.tex", "tables/first.casimir_drift.tex"),
-        *("curves/first.csv", "curves/first.casimir_drift.csv"),
+        *("tables/first.tex", "tables/first.error.tex", "tables/first.casimir_drift.tex", "tables/first.orders.tex"),
+        *("curves/first.csv", "curves/first.casimir_drift.csv", "curves/first.orders.csv"),
     }
 
 
