@@ -35,6 +35,7 @@ from spi.plugins.spins.models.flows import NEAR, towards, towards_near, versines
 from spi.plugins.spins.models.lattices import LATTICES, lattice
 from spi.plugins.spins.models.tables import moves
 from spi.running.load import load
+from spi.running.remarks import warnings
 from spi.schemes import SCHEMES, of_model
 from spi.schemes.splitting import splitting
 from spi.schemes.stages import flows
@@ -527,3 +528,9 @@ def test_figures_call_the_final_time_so():
         told.append(style.facts(SimpleNamespace(about=about, samples=1), "samples"))
     assert [facts["final_time"].split("=")[0] for facts in told] == [r"$\mathrm{final\ time}", "$T"]
     assert told[0]["samples"] == "1 sample"
+
+
+def test_a_temperature_below_zero_is_told():
+    (line,) = warnings(load("skyrmion", overrides=["temperature=-0.1"]))
+    assert line.startswith("warning: temperature is -0.1, below 0")
+    assert warnings(load("skyrmion", overrides=["temperature=0.1"])) == warnings(load("skyrmion")) == []
