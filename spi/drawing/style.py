@@ -17,7 +17,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.layout_engine import ConstrainedLayoutEngine
 from matplotlib.mathtext import MathTextParser
 
-from ..ensemble.protocol import complex_modes, symbols
+from ..compiler.dispatch import answers
+from ..ensemble.protocol import at_temperature, complex_modes, symbols
 from ..models import MODELS
 from ..schemes import SCHEMES
 from ..storage.records import Order
@@ -225,13 +226,15 @@ def inches(text: str, size: str | float) -> float:
     return page.inches_of(text, FontProperties(size=page.points(size) if isinstance(size, str) else size))
 
 
+_FINAL = r"\mathrm{final\ time}"
+
+
 def split_facts(of_cases: list[dict[str, str]]) -> tuple[list[str], list[list[str]]]:
     """Facts that all cases share, and the further ones of each case; `of_cases` are the :func:`facts` of each."""
     # T is the temperature where there is one
     if any("model_temperature" in of_case or "temperature" in of_case.get("initial", "") for of_case in of_cases):
         of_cases = [
-            {name: text.replace("$T=", r"$\mathrm{final\ time}=") for name, text in of_case.items()}
-            for of_case in of_cases
+            {name: text.replace("$T=", f"${_FINAL}=") for name, text in of_case.items()} for of_case in of_cases
         ]
     shared = {name: text for name, text in of_cases[0].items() if all(other.get(name) == text for other in of_cases)}
     return list(shared.values()), [
@@ -264,7 +267,7 @@ def facts(reading: Stored, *names: str, **others: Any) -> dict[str, str]:
     about, own = reading.about, {name: getattr(reading, name) for name in names} | others
     texts = _of_model(about) | _of_start(about) | _of_reference(own)
     if own.get("samples") is not None:
-        texts["samples"] = f"{count(own['samples'])} samples"
+        texts["samples"] = f"{count(own['samples'])} sample{'s' * (own['samples'] != 1)}"
     texts |= _of_noise(about)
     if own.get("estimator"):
         texts["estimator"] = own["estimator"]
@@ -298,7 +301,9 @@ def _of_start(about: Description) -> dict[str, str]:
     if about.initial_law is not None:
         texts["initial"] = plain(f"initial states: {about.initial_law}")
     if about.final_time is not None:
-        texts["final_time"] = f"$T={number(about.final_time)}$"
+        # T is the temperature of a model with a bath of its own, be there one or not
+        bath = about.model in MODELS and answers(at_temperature, MODELS[about.model])
+        texts["final_time"] = f"${_FINAL if bath else 'T'}={number(about.final_time)}$"
     return texts
 
 

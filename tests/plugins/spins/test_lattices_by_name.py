@@ -1,10 +1,12 @@
 """Bonds of the lattices that have names, against all distances between sites on a torus."""
 
 import itertools
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
+from spi.plugins.spins.kinds.trajectory.figure import _cells
 from spi.plugins.spins.models.lattices import LATTICES, lattice
 
 SIZE = {1: (9,), 2: (5, 5), 3: (5, 5, 5)}
@@ -42,3 +44,18 @@ def test_bonds_are_all_pairs_at_the_least_distances(name):
         bonds = [tuple(sorted(bond)) for bond in found.bonds[here].tolist()]
         assert len(bonds) == len(set(bonds)) and set(bonds) == pairs
         assert (np.bincount(np.ravel(bonds), minlength=len(places)) == count).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "corners", "filled"),
+    [("square", 4, 1), ("triangular", 6, 1), ("honeycomb", None, 0.91), ("kagome", None, 0.93)],
+)
+def test_sites_are_drawn_side_by_side(name, corners, filled):
+    """Squares and hexagons fill the plane; around holes a little is left; each is around its own site, none overlap."""
+    cell = LATTICES[name]
+    one = SimpleNamespace(place={"sites": cell.sites, "vectors": cell.vectors})
+    cells = _cells(one)
+    areas = [0.5 * float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1))) for x, y in (c.T for c in cells)]
+    whole = abs(np.linalg.det(np.array(cell.vectors)[:2, :2]))
+    assert len(cells) == len(cell.sites) and filled - 0.01 < sum(areas) / whole < filled + 0.01
+    assert corners is None or [len(np.unique(c.round(9), axis=0)) for c in cells] == [corners]

@@ -1,6 +1,7 @@
 """Lattices of spins: flows against the field of H by finite differences, conservation, laws known in closed form."""
 
 import itertools
+from types import SimpleNamespace
 
 import mpmath
 import numba
@@ -8,6 +9,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from spi.drawing import style
 from spi.ensemble.increments import brownian
 from spi.ensemble.loop import grid, integrated
 from spi.ensemble.protocol import (
@@ -33,9 +35,12 @@ from spi.plugins.spins.models.flows import NEAR, towards, towards_near, versines
 from spi.plugins.spins.models.lattices import LATTICES, lattice
 from spi.plugins.spins.models.tables import moves
 from spi.running.load import load
+from spi.running.remarks import warnings
 from spi.schemes import SCHEMES, of_model
 from spi.schemes.splitting import splitting
 from spi.schemes.stages import flows
+from spi.storage import Part
+from spi.storage.stored import Description
 
 CASES = {
     "heisenberg": Spins("ring", (6,), (Terms(1.3),), field=(0.3, 0.2, -0.5), mu=1.5),
@@ -512,3 +517,20 @@ def test_weak_order_2_of_noisy_spins():
             assert stderr < abs(errors[-1]) / 6
         slopes[scheme] = np.log2(np.array(errors[:-1]) / errors[1:])
     assert all(abs(slopes["splitting_symmetric"] - 2) < 0.2) and all(slopes["splitting"] < 1.3)
+
+
+def test_figures_call_the_final_time_so():
+    """Of spins T is the temperature, also where there is none; of a rigid body it is the final time."""
+    told = []
+    for name in ("skyrmion", "rigid_body_qualitative"):
+        case = load(name).cases[0]
+        about = Description.describe(case, case.row(case.schemes[0]), Part(case.schemes[0]))
+        told.append(style.facts(SimpleNamespace(about=about, samples=1), "samples"))
+    assert [facts["final_time"].split("=")[0] for facts in told] == [r"$\mathrm{final\ time}", "$T"]
+    assert told[0]["samples"] == "1 sample"
+
+
+def test_a_temperature_below_zero_is_told():
+    (line,) = warnings(load("skyrmion", overrides=["temperature=-0.1"]))
+    assert line.startswith("warning: temperature is -0.1, below 0")
+    assert warnings(load("skyrmion", overrides=["temperature=0.1"])) == warnings(load("skyrmion")) == []

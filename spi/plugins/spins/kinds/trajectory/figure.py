@@ -5,6 +5,7 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+from matplotlib.collections import PolyCollection
 
 from spi.drawing import Figure, panels, plots, style
 from spi.expressions import as_numpy, parse_expression
@@ -34,6 +35,34 @@ def _places(one: Trajectory) -> np.ndarray | None:
     return places.reshape(-1, 2)
 
 
+def _cells(one: Trajectory) -> list[np.ndarray]:
+    """Of each site of a cell of the lattice the corners (C, 2) around it of the points that are nearest to it.
+
+    They are no farther than 3/4 of the least distance of two sites, so that squares and hexagons fill the plane and the
+    holes of a kagome lattice stay.
+    """
+    sites, vectors = np.array(one.place["sites"])[:, :2], np.array(one.place["vectors"])[:2, :2]
+    shifts = np.stack(np.meshgrid(*[np.arange(-2, 3)] * 2), axis=-1).reshape(-1, 2) @ vectors
+    cells = []
+    for site in sites:
+        others = (shifts[:, np.newaxis] + sites - site).reshape(-1, 2)
+        lengths = np.linalg.norm(others, axis=1)
+        others, lengths = others[lengths > 1e-9], lengths[lengths > 1e-9]
+        angle = 2 * np.pi * np.arange(24) / 24
+        corners = 0.75 * lengths.min() * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        for other, length in zip(others, lengths, strict=True):
+            beyond = corners @ other / length - length / 2  # the bisector cuts off what is beyond it
+            cut = []
+            for p, q, a, b in zip(corners, np.roll(corners, -1, 0), beyond, np.roll(beyond, -1), strict=True):
+                if a <= 0:
+                    cut.append(p)
+                if a * b < 0:
+                    cut.append(p + (q - p) * a / (a - b))
+            corners = np.array(cut)
+        cells.append(corners)
+    return cells
+
+
 def _layer(one: Trajectory, state: int) -> np.ndarray:
     """(sites, 3): the spins of the first layer."""
     lattice = one.place
@@ -49,32 +78,34 @@ def _spins(readings: TrajectoryReadings, looks: style.Looks) -> Iterator[plots.P
             yield plots.Plot(title=style.label(one.about), x="site", y="time $t$", own=partial(_chain, one))
             continue
         for i in one.shown:
-            own = partial(_picture, places, _layer(one, i))
+            own = partial(_picture, one, places, _layer(one, i))
             yield plots.Plot(title=f"{style.label(one.about)}, $t={one.t[i]:.4g}$", own=own, aspect=0.9)
 
 
-def _draw_spins(ax: plots.Axes, places: np.ndarray, s: np.ndarray) -> Any:
-    """Spins at their places in colours."""
-    span = float(np.ptp(places, axis=0).max()) or 1.0
+def _draw_spins(ax: plots.Axes, one: Trajectory, places: np.ndarray, s: np.ndarray) -> Any:
+    """Spins at their places in colours, each in its part of the plane."""
     ax.set(aspect="equal", xticks=[], yticks=[], xlim=(places[:, 0].min() - 1, places[:, 0].max() + 1))
     ax.set_ylim(places[:, 1].min() - 1, places[:, 1].max() + 1)
-    look: dict[str, Any] = {"marker": "s", "linewidths": 0, "rasterized": True}
-    return ax.scatter(places[:, 0], places[:, 1], c=colours_of_spins(s), s=(180 / span) ** 2, **look)
+    cells = _cells(one)
+    around = [place + cells[n % len(cells)] for n, place in enumerate(places)]
+    look: dict[str, Any] = {"edgecolors": "face", "linewidths": 0.2, "rasterized": True}
+    return ax.add_collection(PolyCollection(around, facecolors=colours_of_spins(s), **look))
 
 
-def _picture(places: np.ndarray, s: np.ndarray, ax: plots.Axes) -> list[plots.LegendEntry]:
+def _picture(one: Trajectory, places: np.ndarray, s: np.ndarray, ax: plots.Axes) -> list[plots.LegendEntry]:
     """Spins in colours, with arrows where they are few, and the key of the colours."""
-    _draw_spins(ax, places, s)
+    _draw_spins(ax, one, places, s)
     span = float(np.ptp(places, axis=0).max()) or 1.0
     if len(places) < _MOST_ARROWS**2:
         ax.quiver(*places.T, *s[:, :2].T, pivot="mid", scale=1.3 * span, width=0.004, color="#404040")
-    key = ax.inset_axes((1.02, 0.0, 0.18, 0.18), projection="polar")
+    key = ax.inset_axes((1.02, 0.14, 0.18, 0.18), projection="polar")
     angle, radius = np.meshgrid(np.linspace(0, 2 * np.pi, 61), np.linspace(0, 1, 21))
     polar = np.pi * radius
     ball = np.stack([np.sin(polar) * np.cos(angle), np.sin(polar) * np.sin(angle), np.cos(polar)], axis=-1)
     key.pcolormesh(angle, radius, colours_of_spins(ball)[:-1, :-1], rasterized=True)
     key.set(xticks=[], yticks=[])
     key.set_title("$(s_x,s_y)$", fontsize=6, pad=2)
+    key.set_xlabel("white: up\nblack: down", fontsize=5)
     return []
 
 
@@ -91,7 +122,7 @@ def _chain(one: Trajectory, ax: plots.Axes) -> list[plots.LegendEntry]:
 def _screens(fig: Figure, readings: TrajectoryReadings, axes: np.ndarray) -> list[Screen]:
     """Spins of one case at the start."""
     places: Any = _places(readings[0])
-    points = [_draw_spins(ax, places, _layer(one, 0)) for ax, one in zip(axes, readings, strict=False)]
+    points = [_draw_spins(ax, one, places, _layer(one, 0)) for ax, one in zip(axes, readings, strict=False)]
     shows = [partial(_recolour, image, one) for image, one in zip(points, readings, strict=True)]
     return list(zip(axes, shows, readings, states_shown(readings), strict=False))
 
