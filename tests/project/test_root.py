@@ -1,5 +1,6 @@
 """What is committed: at the root the files that belong there, and no large binaries but those of the documentation."""
 
+import re
 import subprocess
 
 import pytest
@@ -36,3 +37,9 @@ def test_no_large_binary_is_committed_outside_the_documentation():
     outside = (name for name in tracked() if not name.startswith("docs/"))
     assert [name for name in outside if is_large_binary(ROOT.joinpath(name).read_bytes())] == []
     assert is_large_binary(b"\0" * 100_001) and not is_large_binary(b"text" * 10**5)
+
+
+def test_no_file_has_the_marks_of_a_merge():
+    marks = re.compile(rb"^(<{7}|>{7}) \S", re.MULTILINE)
+    assert marks.search(b"a\n" + b"<" * 7 + b" HEAD\n")
+    assert [name for name in tracked() if marks.search(ROOT.joinpath(name).read_bytes())] == []
