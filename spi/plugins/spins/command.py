@@ -40,7 +40,7 @@ def export(
     found = [one for one in views.readings(storage.read(path)) if isinstance(one, Trajectory)]
     readings = [one for one in found if one.place.get("on") == "lattice"]
     if not readings:
-        others = {offers("in_python").get(one.place.get("on")) for one in found} - {None}
+        others = {offers("in_python").get(one.place.get("on", "")) for one in found} - {None}
         right = next(iter(others), "give results of kind trajectory of the model spins")
         end_with(INVALID, f"{path}: has no states of spins; {right}")
     folder, files = out or path.parent, dict[Path, bytes]()
