@@ -100,6 +100,8 @@ def test_a_figure_says_that_a_constant_is_one_and_shows_nothing_of_its_roundings
     }
     same, square = plots["mean"][0], plots["mean"][2]
     assert plots["mean"].pop() == "bands of means: 95 % for all times together"
+    unseen = [*PANELS["mean"][1].expand([replace(found, mean_stderr=found.mean_stderr / 1e4)], looks)]
+    assert unseen == []  # bands that are as thin as their lines
     assert same.text.startswith(r"$\mathrm{E}\,[\mathrm{enstrophy}]$ conserved")
     (constant,) = same.panels
     line = constant.series[0]

@@ -21,6 +21,9 @@ from .tables import modes, shell
 #: Sizes of rounding errors of the mean and of a mode of a sampled field, relative to its largest value.
 MEAN_ROUNDING, MODE_ROUNDING = 1e-12, 1e-15
 
+_ROUNDING = float(np.finfo(float).eps)  # of the largest energy: what is less is no longer seen in the energy
+_SPARE = 1e-3  # of the smallest energy at the last time: how far down the spectra at earlier times are shown
+
 
 def lattice_of(model: Any) -> int | None:
     """N of a model whose state is a vorticity on the lattice modulo N, damped or not; None of every other model."""
@@ -108,6 +111,24 @@ def energy_spectrum(y: np.ndarray) -> np.ndarray:
     lengths, shells = _lengths(size_of(y)), shells_of(size_of(y))
     energies = _squares(y) / lengths**2
     return np.stack([energies[..., shells == k].sum(axis=-1) for k in range(1, shells.max() + 1)], axis=-1)
+
+
+def seen_energies(each: Sequence[np.ndarray]) -> tuple[float, float]:
+    """Limits of energies (times, shells) in figures.
+
+    They end where rounding errors begin, and not far below the energies at the last time.
+    """
+    values, last = (_positive(np.concatenate(some)) for some in ([e.ravel() for e in each], [e[-1] for e in each]))
+    if not values.size:
+        return 0.1, 10.0
+    largest = float(values.max())
+    deepest = _SPARE * float(last[last > _ROUNDING * largest].min(initial=largest))
+    return max(float(values.min()), _ROUNDING * largest, deepest) / 3, 3 * largest
+
+
+def _positive(energies: np.ndarray) -> np.ndarray:
+    """Energies that a logarithmic axis can show."""
+    return energies[np.isfinite(energies) & (energies > 0)]
 
 
 def energy(y: np.ndarray) -> np.ndarray:

@@ -17,6 +17,7 @@ from .results import Statistics, Structure
 
 _EDGE: dict[str, Any] = {"linestyle": ":", "linewidth": 0.8}  # of a band between quantiles
 _GAMMA = r"$\Gamma$"  # the centre of a Brillouin zone
+_VISIBLE = 0.01  # of the height of a panel: half the width of a band that is not as thin as its line
 _SECOND = 1.7  # distance of a second row of names from an axis, in their letters
 _BESIDE = 3  # margins beside the frame of a panel with a colour bar
 
@@ -80,9 +81,14 @@ def _with_quantiles(plot: plots.Plot, readings: Sequence[Statistics], f: int) ->
 
 
 def _told(readings: Sequence[Statistics], looks: style.Looks) -> Iterator[str]:
-    """What the bands of means are, which are wider than the intervals of tables and than other bands."""
-    if any(len(one.t) > 1 and not one.is_constant.all() for one in readings):
-        yield "bands of means: 95 % for all times together"
+    """What the bands of means are, where one is seen: they are wider than the intervals of tables and other bands."""
+    for f in np.flatnonzero(~np.all([one.is_constant for one in readings], axis=0)):
+        halves = [(one.band[:, np.newaxis] * one.mean_stderr)[f] for one in readings if len(one.t) > 1]
+        drawn = [one.mean[f] for one in readings] + [one.quantiles.quantile[f] for one in readings if one.quantiles]
+        height = float(np.ptp(np.concatenate([np.ravel(values) for values in drawn])))
+        if any((half > _VISIBLE * height).any() for half in halves):
+            yield "bands of means: 95 % for all times together"
+            return
 
 
 def _since(plot: plots.Plot, readings: Sequence[Statistics], f: int) -> plots.Plot:

@@ -7,8 +7,8 @@ import matplotlib
 import numpy as np
 
 from spi.drawing import panels, plots, style
+from spi.plugins.fluids.models.fields import seen_energies
 
-from ..trajectory.figure import limits_of
 from .words import shells_in
 
 _MOST_TIMES = 4  # of the spectra of one scheme
@@ -45,7 +45,7 @@ def spectra(readings: Sequence[Any], looks: style.Looks) -> Iterator[plots.Plot]
         energies.append(known[np.newaxis])
         lines.append(plots.series(shells, known, {"color": "black", "linestyle": "--", "linewidth": 1.0}, "reference"))
     title = style.label(readings[0].about) if len(readings) == 1 else ""
-    label, limits = "mean of $E(k)$ (95 %)", limits_of(energies)
+    label, limits = "mean of $E(k)$ (95 %)", seen_energies(energies)
     yield plots.Plot(lines, title, "wave number $k$", label, "log", True, ylim=limits)
 
 

@@ -13,13 +13,11 @@ from spi.kinds.trajectory.figure import TrajectoryReadings, times_shown, window
 from spi.kinds.trajectory.film import Filmed, Screen, states_shown
 from spi.kinds.trajectory.results import Trajectory
 from spi.plugins.fluids.kinds.trajectory.numbers import part_of, places_of, spectra_of
-from spi.plugins.fluids.models.fields import enstrophy, size_of, vorticity
+from spi.plugins.fluids.models.fields import enstrophy, seen_energies, size_of, vorticity
 
 SIGNED, ONE_SIGN = "RdBu_r", "viridis"  #: colours of vorticity: blue negative, white 0, red positive; of one sign
 
 _CYCLE = 2 * np.pi
-_ROUNDING = float(np.finfo(float).eps)  # of the largest energy: what is less is no longer seen in the energy
-_SPARE = 1e-3  # of the smallest energy at the last time: how far down the spectra at earlier times are shown
 _INERTIAL = -3.0  # the power of k with which the energy falls where enstrophy goes to small scales
 _LEAST_SHELLS = 6  # for a line of this slope
 _STEEP = 6.0  # a spectrum whose slope differs by more has no line of that slope beside it
@@ -194,22 +192,7 @@ def _slope(energies: np.ndarray, limits: tuple[float, float]) -> np.ndarray:
 def spectrum_limits(readings: TrajectoryReadings) -> tuple[float, float]:
     """Limits of energies in spectra, which suit the schemes that preserve something, if there are any."""
     good = [reading for reading in readings if not reading.preserves_nothing] or readings
-    return limits_of([spectra_of(reading) for reading in good])
-
-
-def limits_of(each: Sequence[np.ndarray]) -> tuple[float, float]:
-    """Limits of energies (times, shells): where rounding errors begin, and not far below those at the last time."""
-    values = _positive(np.concatenate([energies.ravel() for energies in each]))
-    if not values.size:
-        return 0.1, 10.0
-    largest, last = float(values.max()), _positive(np.concatenate([energies[-1] for energies in each]))
-    deepest = _SPARE * float(last[last > _ROUNDING * largest].min(initial=largest))
-    return max(float(values.min()), _ROUNDING * largest, deepest) / 3, 3 * largest
-
-
-def _positive(energies: np.ndarray) -> np.ndarray:
-    """Energies that a logarithmic axis can show."""
-    return energies[np.isfinite(energies) & (energies > 0)]
+    return seen_energies([spectra_of(reading) for reading in good])
 
 
 # ---------------------------------------------------------------------------------------------------------------------
