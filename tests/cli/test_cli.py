@@ -122,7 +122,8 @@ def test_from_spec_to_figure(spi):
     table = out
 
     code, out, err = spi("show", RESULTS)
-    assert (code, out, err) == (0, table, "")
+    named = "tables of numbers: error, orders; --table NAME prints one, --out FOLDER writes all\n"
+    assert (code, out, err) == (0, table, named)
 
     code, out, err = spi("show", RESULTS, "--format", "json")
     assert (code, err) == (0, "")
