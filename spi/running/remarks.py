@@ -39,7 +39,7 @@ def _about(case: specs.BaseCase) -> Iterator[str]:
         yield "Lévy areas are Gaussian, with the right moments given the increments: results hold in law"
     if case.driver:
         yield f"the noises are driven by another process than Brownian motion: {case.driver}"
-    used = getattr(case, "samples", 0) % LANES
+    used = (getattr(case, "samples", None) or 0) % LANES
     if used and in_place(case.model) and not case.in_parts:
         yield f"paths of a lattice are moved {LANES} at once: {LANES - used} more would take no longer"
 

@@ -126,7 +126,7 @@ def test_from_spec_to_figure(spi):
     assert (code, out, err) == (0, table, named)
 
     code, out, err = spi("show", RESULTS, "--format", "json")
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, named)
     records = json.loads(out)
     assert len(records) == 2 * (4 if COMPILED else 3)
     assert {r["scheme"] for r in records} == {"euler_maruyama", "splitting"}
@@ -137,7 +137,7 @@ def test_from_spec_to_figure(spi):
         assert record["samples"] == 9
 
     code, out, err = spi("show", RESULTS, "--format", "csv")
-    assert (code, err) == (0, "")
+    assert (code, err) == (0, named)
     rows = list(csv.DictReader(io.StringIO(out)))
     assert list(rows[0])[:6] == COLUMNS
     assert [float(r["error"]) for r in rows] == [r["error"] for r in records]
@@ -147,10 +147,11 @@ def test_from_spec_to_figure(spi):
     assert "error (95 %)" in spi("show", RESULTS, "--table", "error")[1]
     assert r"\toprule" in spi("show", RESULTS, "--format", "latex")[1]
     assert (
-        "there is no table errors; tables: error; did you mean error?" in spi("show", RESULTS, "--table", "errors")[2]
+        "there is no table errors; tables: error, orders; did you mean error?" in spi("show", RESULTS, "--table", "errors")[2]
     )
     code, out, err = spi("show", RESULTS, "--out", "numbers")
-    assert (code, out, err) == (0, "", f"wrote {Path('numbers', RESULTS.stem)}.csv\n")
+    files = [Path("numbers", f"{RESULTS.stem}{word}.csv") for word in ("", ".orders")]
+    assert (code, out) == (0, "") and sorted(err.splitlines()) == sorted(f"wrote {file}" for file in files)
     assert Path("numbers", f"{RESULTS.stem}.csv").read_text() == spi("show", RESULTS, "--format", "csv")[1]
 
     # Figures: all results, those of a file, those of a spec file or a name with the options of the run.
