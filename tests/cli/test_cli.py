@@ -147,7 +147,8 @@ def test_from_spec_to_figure(spi):
     assert "error (95 %)" in spi("show", RESULTS, "--table", "error")[1]
     assert r"\toprule" in spi("show", RESULTS, "--format", "latex")[1]
     assert (
-        "there is no table errors; tables: error, orders; did you mean error?" in spi("show", RESULTS, "--table", "errors")[2]
+        "there is no table errors; tables: error, orders; did you mean error?"
+        in spi("show", RESULTS, "--table", "errors")[2]
     )
     code, out, err = spi("show", RESULTS, "--out", "numbers")
     files = [Path("numbers", f"{RESULTS.stem}{word}.csv") for word in ("", ".orders")]
