@@ -260,7 +260,7 @@ def laid(kind, layer=""):
     """The spec of a kind with other keys, those that the kind has; one without a value is left out."""
     more = {key: one for text in layer.split("\n---\n") for key, one in read(text).items()}
     data = {"kind": kind, **read(SPECS[kind]), **{key: one for key, one in more.items() if key in keys_of(kind)}}
-    if data.get("sweep") and "panels" not in more:
+    if data.get("sweep") and "panels" not in more and kind not in {"trajectory", "stability"}:
         data.pop("panels", None)  # of a sweep they are its quantities
     return {key: value for key, value in data.items() if value != ""}
 
