@@ -75,6 +75,11 @@ def as_override(key: str, value: Any) -> str:
     return f"{key}={value_text}"
 
 
+def completed(text: str, keys: Mapping[str, Any]) -> str:
+    """Text of a spec file with further keys behind it, so that no line of it moves."""
+    return "\n".join([text.rstrip(), *(as_override(key, value).replace("=", ": ", 1) for key, value in keys.items())])
+
+
 _LONG = 1000  # numbers of an initial value that is no longer written out
 
 

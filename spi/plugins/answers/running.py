@@ -12,7 +12,7 @@ from spi.running.run import Watch, kernel_calls, plans, progress_of_part
 from spi.running.shipped import names, path_of
 from spi.running.workers import advance_some_here, allocate
 from spi.specs.document import Document, text_of
-from spi.specs.naming import as_override
+from spi.specs.naming import completed
 
 from .kinds.answer.decisions import Prediction
 from .kinds.answer.keys import DEFAULTS, question
@@ -38,10 +38,7 @@ def _of_system(path: str | Path) -> str:
     data = Document(text, lambda line: f"{path}:{line}:").data
     if not isinstance(data, dict) or "model" not in data or {"kind", "step", "steps"} & data.keys():
         return ""
-    missing = {key: value for key, value in DEFAULTS.items() if key not in data}
-    return "\n".join(
-        [text.rstrip(), *(as_override(key, value).replace("=", ": ", 1) for key, value in missing.items())]
-    )
+    return completed(text, {key: value for key, value in DEFAULTS.items() if key not in data})
 
 
 def _question(source: specs.Experiment, overrides: Sequence[str]) -> str:

@@ -21,7 +21,7 @@ from spi.running.shipped import path_of
 from spi.specs import Experiment, SpecError
 from spi.specs.document import Document, text_of
 from spi.specs.initial import names_in_formulas
-from spi.specs.naming import as_override, as_yaml, with_numbers
+from spi.specs.naming import as_yaml, completed, with_numbers
 
 #: Keys of a system that all parts of a study have.
 _SHARED = ("model", "damping", "temperature", "initial", "final_time", "seed", "compositions", "areas")
@@ -89,7 +89,7 @@ class Study(NamedTuple):
         text = text_of(file)
         data = Document(text, lambda line: f"{path}:{line}:").data
         whole = not isinstance(data, dict) or "kind" in data
-        source = load(path) if whole else load(path, text="\n".join([text.rstrip(), *_rest(data)]))
+        source = load(path) if whole else load(path, text=completed(text, _rest(data)))
         given = Document(source.text, str).data
         if several := [key for key in ("cases", "sweep", "eps") if given.get(key)]:
             right = "a study is of one system; write it into a file of its own, without this key"
@@ -167,8 +167,8 @@ class Study(NamedTuple):
         return {word: as_yaml(with_numbers(own)) for word, own in sized.items()}
 
 
-def _rest(data: Mapping[str, Any]) -> list[str]:
-    """Lines that make an experiment of a file that only says a system, in which no line moves."""
+def _rest(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Keys that make an experiment of a file that only says a system."""
     time = data.get("final_time")
     steps = data.get("steps", [f"({time})/2^20" if isinstance(time, str) else 2.0**-20])
     last = steps[-1] if isinstance(steps, list) and steps else str(steps).rpartition("..")[2]
@@ -179,8 +179,7 @@ def _rest(data: Mapping[str, Any]) -> list[str]:
         "schemes": ["splitting"],
     }
     more = {"kind": "weak", "estimators": ["plain"]} if "functions" in data else {"kind": "strong"}
-    missing = {key: value for key, value in (more | whole | {"samples": 2}).items() if key not in data}
-    return [as_override(key, value).replace("=", ": ", 1) for key, value in missing.items()]
+    return {key: value for key, value in (more | whole | {"samples": 2}).items() if key not in data}
 
 
 def _state(case: Any) -> tuple[float, ...]:

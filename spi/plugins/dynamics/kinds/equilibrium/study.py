@@ -62,9 +62,9 @@ class EquilibriumPlan(LongPlan):
         cost, count = super().cost(), len(self.case.functions)
         looks = len(self.case.steps) * self.case.last_time / self.case.between
         if not self.movers:
-            looks *= alone.idle(-(-self.case.samples // LANES)) * paths_moved(self.model, self.case.samples)
-            blocks = min(-(-self.case.samples // LANES), CHUNK_BLOCKS)
-            cost = cost._replace(bytes=cost.bytes + count * 2**21 * blocks)
+            blocks = -(-self.case.samples // LANES)
+            looks *= alone.idle(blocks) * paths_moved(self.model, self.case.samples)
+            cost = cost._replace(bytes=cost.bytes + count * 2**21 * min(blocks, CHUNK_BLOCKS))
         return cost._replace(seconds=cost.seconds + 1e-9 * looks * alone.look_ns(self.case, count))
 
     def deciding(self, number: int | None) -> dict[str, Any]:
